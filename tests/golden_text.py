@@ -1,7 +1,7 @@
 """What a verb prints, word for word: `golden/wording/VERB.txt`, a part for each case.
 
-`pytest --golden FILE`, without `-n`, rewrites the parts that the tests of a file compare; look at the
-difference.
+`pytest --golden FILE`, without `-n`, rewrites the parts that the tests of a file compare: look
+at the difference.
 """
 
 from __future__ import annotations

@@ -72,12 +72,12 @@ def test_all_peers_give_the_same_answers(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_table_fits_a_terminal(tmp_path: Path) -> None:
     """The same for people: 80 columns, only the rows asked for."""
-    done = bench("--only", "start", "--dir", tmp_path)
+    done = bench("--only", "now", "--dir", tmp_path)
 
     assert 0 == done.returncode, done.stderr
     assert 80 >= max(map(len, done.stdout.splitlines()))
-    assert "semmap-log --help" in done.stdout
-    assert "Replay" not in done.stdout
+    assert "State now" in done.stdout
+    assert "Append" not in done.stdout
 
 
 @pytest.mark.slow

@@ -19,6 +19,7 @@ import pytest
 from make_golden import in_log, main, said
 
 import semmap_log as sl
+from semmap_log.live.oprs.oprs_package import MADE
 from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION
 from semmap_log.store.reading.segment_scan import open_segment
 from tests.store.logs import segment_files
@@ -111,15 +112,39 @@ def test_it_is_continued(form: Path, way: str, tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with what the wheel installs."""
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the wheel as pip builds it from this checkout."""
     folder = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(folder), "."]
     subprocess.run(command, cwd=ROOT, check=True, timeout=300)
     (wheel,) = folder.glob("semmap_log-*.whl")
+    return wheel
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path) -> Path:
+    """Return a folder with what the wheel installs."""
     with zipfile.ZipFile(wheel) as packed:
-        packed.extractall(folder / "site")
-    return folder / "site"
+        packed.extractall(wheel.parent / "site")
+    return wheel.parent / "site"
+
+
+@pytest.mark.slow
+def test_all_that_robots_get_is_in_the_wheel(wheel: Path) -> None:
+    """The ROS package and the module for OpenPRS, every file; scripts can be run."""
+    with zipfile.ZipFile(wheel) as packed:
+        modes = {entry.filename: entry.external_attr >> 16 for entry in packed.infolist()}
+    live = ROOT / "semmap_log" / "live"
+    names = [
+        path.relative_to(ROOT).as_posix()
+        for folder in (live / "robot_files", live / "oprs" / "semantic_map_oprs")
+        for path in folder.rglob("*")
+        if path.is_file() and not any(path.match(made) for made in (*MADE, "*.pyc"))
+    ]
+
+    assert len(names) > 50
+    assert [] == [name for name in names if name not in modes]
+    assert all(modes[name] & 0o111 for name in names if "/scripts/" in name)
 
 
 @pytest.mark.slow

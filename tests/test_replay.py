@@ -147,7 +147,7 @@ def expected(doors: dict[int, dict[str, Any]]) -> dict[int, dict[str, Any]]:
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32))
 def test_every_moment_is_what_the_model_says(seed: int) -> None:
     """at, known_at, both together and event: at each event's own times, before, and between."""
@@ -174,7 +174,7 @@ def test_every_moment_is_what_the_model_says(seed: int) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32))
 def test_the_fold_commutes_and_a_keyframe_is_the_state(seed: int) -> None:
     """Batches in any order, cut anywhere, through a keyframe or not: the same arrays."""

@@ -23,9 +23,9 @@ def test_nothing_acknowledged_is_lost_whatever_a_disk_keeps(tmp_path: Path) -> N
     """
     Unsynced writes lost, torn, reordered, names and renames undone, at any call, at all levels.
     """
-    said = faults("disk", 300, tmp_path)
+    said = faults("disk", 150, tmp_path)
 
-    is_tried(said, at_least=300)
+    is_tried(said, at_least=150)
 
 
 def test_what_a_footer_stands_for_is_on_the_disk_before_it(

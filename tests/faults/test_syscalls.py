@@ -21,17 +21,17 @@ from tests.faults.running import faults, is_tried
 @pytest.mark.slow
 def test_a_process_may_be_killed_at_any_call(tmp_path: Path) -> None:
     """Before each call on the folder, in half of a write, and again in the recovery."""
-    said = faults("syscalls", 120, tmp_path)
+    said = faults("syscalls", 60, tmp_path)
 
-    is_tried(said, at_least=120)
+    is_tried(said, at_least=60)
 
 
 @pytest.mark.slow
 def test_any_call_may_fail(tmp_path: Path) -> None:
     """Once or for ever: the program is told, goes on, and what had failed is stored once or not."""
-    said = faults("errors", 120, tmp_path)
+    said = faults("errors", 60, tmp_path)
 
-    is_tried(said, at_least=120)
+    is_tried(said, at_least=60)
 
 
 @pytest.mark.slow

@@ -18,4 +18,4 @@ def test_unreadable_sectors_end_nobody(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_file_that_shrinks_ends_nobody(tmp_path: Path) -> None:
     """Under open readers, and under each verb; once, or over and over."""
-    is_tried(faults("sectors-shrinking", 20, tmp_path), at_least=20)
+    is_tried(faults("sectors-shrinking", 10, tmp_path), at_least=10)

@@ -20,8 +20,8 @@ import json, sys
 import semmap_log as sl
 from tests.fleet.jobs.projections import KillsItsWorker, KillsOnce
 
-logs, poison, mark, results = sys.argv[1:]
-with sl.fleet([logs, poison], engine="ray", workers=2, results=results) as fleet:
+*logs, poison, mark, results = sys.argv[1:]
+with sl.fleet([*logs, poison], engine="ray", workers=2, results=results) as fleet:
     killed = fleet.fold(KillsItsWorker(4))
     once = fleet.fold(KillsOnce(mark))
     openings = fleet.openings()
@@ -44,12 +44,13 @@ def test_answers_are_equal_and_only_the_one_that_kills_is_blamed(
     with sl.create(poison, tz="UTC") as log:
         for n in range(4):
             log.observe(log.add_door(x=float(n), y=0.0, theta=0.0, width=1.0), "open")
-    serial = sl.fleet([made_fleet, poison], engine="serial")
+    logs = [made_fleet / f"tug{n}" for n in range(3)]
+    serial = sl.fleet([*logs, poison], engine="serial")
     states, openings = serial.fold(Sightings()).states, serial.openings()
 
     home = {"HOME": str(tmp_path), "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, made_fleet, poison, tmp_path / "mark", tmp_path / "r"],
+        [sys.executable, "-c", PROGRAM, *logs, poison, tmp_path / "mark", tmp_path / "r"],
         env=os.environ | home, capture_output=True, text=True, check=False,
     )  # fmt: skip
 

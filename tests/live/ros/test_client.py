@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.errors import CommandError, RosError, UnknownDoorError
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
@@ -29,6 +28,7 @@ from semmap_log.live.ros.serving.served_topics import (
     levels_of,
 )
 from tests.live.ros.collecting_node import CollectingNode
+from tests.verbs import Ran, Verb
 
 DOOR = DoorFields(x=1.0, y=2.0, theta=0.5, width=0.9, state=DoorState.CLOSED)
 
@@ -182,13 +182,8 @@ def test_another_servers_name_can_be_said(server: DoorServer) -> None:
     assert {"door_id": 1} == answer.result
 
 
-Call = Callable[..., tuple[int, str, str]]
-
-
 @pytest.fixture
-def call(
-    server: DoorServer, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Call:
+def call(server: DoorServer, monkeypatch: pytest.MonkeyPatch, run_verb: Verb) -> Verb:
     """`call` as a person types it."""
     nodes: list[CollectingNode] = []
 
@@ -198,17 +193,15 @@ def call(
 
     monkeypatch.setattr(joining, "open_node", open_node)
 
-    def call(*words: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as stopped:
-            main(["call", *map(str, words)])
+    def call(*words: object) -> Ran:
+        done = run_verb("call", *words)
         assert nodes[-1].is_closed
-        captured = capsys.readouterr()
-        return int(stopped.value.code or 0), captured.out, captured.err
+        return done
 
     return call
 
 
-def test_what_was_done_is_printed(call: Call) -> None:
+def test_what_was_done_is_printed(call: Verb) -> None:
     """Exit code 0; the id of a new door alone, for a script."""
     added = call("add", "--ros2", "--from", "1,2", "--to", "1,3", "--state", "closed")
     updated = call("update", 1, "--ros2", "--x", "4")
@@ -220,7 +213,7 @@ def test_what_was_done_is_printed(call: Call) -> None:
 
 
 @pytest.mark.parametrize("ros", ["--ros1", "--ros2"])
-def test_what_was_refused_is_exit_code_1(call: Call, ros: str) -> None:
+def test_what_was_refused_is_exit_code_1(call: Verb, ros: str) -> None:
     """With why, on standard error; as JSON, too."""
     plain = call("remove", 5, ros)
     code, out, err = call("save", "/etc/doors.yaml", ros, "--json")
@@ -234,7 +227,7 @@ def test_what_was_refused_is_exit_code_1(call: Call, ros: str) -> None:
 
 
 def test_the_first_door_of_a_server_that_counts_from_0_is_done(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, run_verb: Verb
 ) -> None:
     """The id 0 is no refusal."""
     node = CollectingNode(1)
@@ -243,10 +236,7 @@ def test_the_first_door_of_a_server_that_counts_from_0_is_done(
 
     words = ["--from", "1,2", "--to", "1,3", "--prob-open", "0.5", "--prob-closed", "0.5"]
 
-    with pytest.raises(SystemExit) as stopped:
-        main(["call", "add", "--ros1", *words])
-
-    assert (None, "0\n") == (stopped.value.code or None, capsys.readouterr().out)
+    assert (0, "0\n") == run_verb("call", "add", "--ros1", *words)[:2]
 
 
 @pytest.mark.parametrize(
@@ -262,7 +252,7 @@ def test_servers_of_others_may_succeed_otherwise(
     text: str,
     printed: tuple[int, str, str],
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    run_verb: Verb,
 ) -> None:
     """With a result that says no, which is a failure; with a warning, which is none."""
 
@@ -273,9 +263,6 @@ def test_servers_of_others_may_succeed_otherwise(
     node.serve_action("", DEFAULTS["RemoveDoor"], run)
     monkeypatch.setattr(joining, "open_node", lambda *_: node)
 
-    with pytest.raises(SystemExit) as stopped:
-        main(["call", "remove", "5", "--ros1"])
+    code, out, err = run_verb("call", "remove", 5, "--ros1")
 
-    captured = capsys.readouterr()
-    said = captured.err.removeprefix("semmap-log: ")
-    assert printed == (stopped.value.code or 0, captured.out, said)
+    assert printed == (code, out, err.removeprefix("semmap-log: "))

@@ -6,22 +6,20 @@ import json
 import os
 import re
 import subprocess
-import sys
 import time
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from shutil import which
-from zipfile import ZipFile
 
 import pytest
 import yaml
 
-from semmap_log.cli import main
 from semmap_log.interop.formats.ros.ros_types import ros_types
 from semmap_log.live.ros.ros_node import write_ros_package
 from semmap_log.live.ros.serving.served_topics import MARKERS_NAME
 from semmap_log.live.ros.serving.server import LAYER_NAME, MASTER_NAME
 from tests.live.ros.ros_world import ROOT, RosWorld
+from tests.verbs import run
 
 BUILT_WITHIN_S = 600
 """A build of seven times four messages for C++, Lisp, Node and Python, on a busy machine."""
@@ -294,8 +292,7 @@ def test_messages_without_a_workspace(
         assert [CHECKSUMS["DoorMap"], CHECKSUMS["AddDoorAction"]] == used.finish().split()
 
     (tmp_path / "other" / "lta_semantic_map").mkdir(parents=True)
-    with pytest.raises(SystemExit, match=r"^1$"):
-        _run(tmp_path / "other", "--messages")
+    assert 1 == run("ros-package", tmp_path / "other", "--messages")
     assert "is there already, and has no messages of ROS 1 in it" in capsys.readouterr().err
 
 
@@ -338,14 +335,9 @@ def test_scripts_say_what_is_missing() -> None:
     assert "ROS_VERSION: is not set: source the setup.bash of ROS" in done.stderr
 
 
-def _run(*arguments: object) -> None:
-    main(["ros-package", *map(str, arguments)])
-
-
 def test_a_workspace_gets_all_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Every file as it is here, the scripts executable; and it says how to go on."""
-    with pytest.raises(SystemExit, match=r"^0$"):
-        _run(tmp_path)
+    assert 0 == run("ros-package", tmp_path)
 
     copied = {p.relative_to(tmp_path / PACKAGE.name): p.read_bytes() for p in _files(tmp_path)}
     assert {p.relative_to(PACKAGE): p.read_bytes() for p in _files(PACKAGE)} == copied
@@ -364,8 +356,7 @@ def _files(folder: Path) -> list[Path]:
 def test_a_second_copy_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """As a set-up script would do it at each start."""
     for _ in range(2):
-        with pytest.raises(SystemExit, match=r"^0$"):
-            _run(tmp_path)
+        assert 0 == run("ros-package", tmp_path)
 
     assert "there already, the same" in capsys.readouterr().err
 
@@ -376,8 +367,7 @@ def test_what_somebody_changed_stays(tmp_path: Path, capsys: pytest.CaptureFixtu
     theirs.parent.mkdir()
     theirs.write_text("theirs")
 
-    with pytest.raises(SystemExit, match=r"^1$"):
-        _run(tmp_path)
+    assert 1 == run("ros-package", tmp_path)
 
     assert "is not this package as it is now (CMakeLists.txt differs)" in capsys.readouterr().err
     assert ["package.xml"] == [path.name for path in theirs.parent.iterdir()]
@@ -386,26 +376,7 @@ def test_what_somebody_changed_stays(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 def test_a_workspace_must_be_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A misspelt path makes no folder."""
-    with pytest.raises(SystemExit, match=r"^1$"):
-        _run(tmp_path / "srcc")
+    assert 1 == run("ros-package", tmp_path / "srcc")
 
     assert "no such folder; expected a workspace's src" in capsys.readouterr().err
     assert [] == list(tmp_path.iterdir())
-
-
-@pytest.mark.slow
-def test_all_of_it_is_in_the_wheel(tmp_path: Path) -> None:
-    """A wheel as pip builds it from this checkout holds every file."""
-    done = subprocess.run(
-        [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", tmp_path, ROOT],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    if done.returncode and "build dependencies" in done.stderr:
-        pytest.skip(f"what builds wheels cannot be had here: {done.stderr.strip()[-300:]}")
-    assert 0 == done.returncode, done.stderr
-
-    with ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
-        modes = {entry.filename: entry.external_attr >> 16 for entry in wheel.infolist()}
-    names = [str(path.relative_to(ROOT)) for path in _files(PACKAGE.parent)]
-    assert [] == [name for name in names if name not in modes]
-    assert all(modes[name] & 0o111 for name in names if "/scripts/" in name)

@@ -209,16 +209,6 @@ def test_nothing_is_fetched() -> None:
         assert f"'sha256-{digest}'" == allowed[f"{kind}-src"]
 
 
-def test_an_empty_log_says_so(tmp_path: Path) -> None:
-    """A page, and not an error; its health is told."""
-    sl.create(tmp_path / "log", tz="UTC").close()
-
-    data = data_of(report(sl.read(tmp_path / "log")).html)
-
-    assert data["isEmpty"]
-    assert 0 == data["health"]["events"]
-
-
 def test_of_very_many_sightings_only_repeats_are_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -143,8 +143,7 @@ def test_what_comes_is_shown_as_a_file_would(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
-@pytest.mark.parametrize("make", [restless_log, wild_log])
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(("make", "seed"), [(restless_log, 0), (wild_log, 1)])
 def test_whatever_comes_is_shown_as_a_file_would(
     make: Callable[..., sl.DoorLog], seed: int, tmp_path: Path
 ) -> None:

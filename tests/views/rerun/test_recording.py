@@ -17,7 +17,7 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 import semmap_log as sl
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded, DoorObserved, DoorUpdated, Retracted, RobotPose
-from semmap_log.errors import MomentError, SemmapError
+from semmap_log.errors import SemmapError
 from semmap_log.views.rerun.recording import save_rrd
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import SECOND, START, Drawn, room, small_log
@@ -157,14 +157,6 @@ def test_what_lies_beyond_all_buildings_is_no_matter(tmp_path: Path) -> None:
     drawn = recorded(sl.read(tmp_path / "log"), tmp_path)
 
     assert [[[1, 2], [2, 2]]] == drawn.latest("/map/doors/door_2", STRIPS, START + SECOND)
-
-
-def test_a_part_that_ends_before_it_begins_is_refused(tmp_path: Path) -> None:
-    """Rather than a recording of nothing."""
-    log = small_log(tmp_path / "log")
-
-    with pytest.raises(MomentError, match="swap them"):
-        save_rrd(log, tmp_path / "x.rrd", since=START + 2 * SECOND, until=START)
 
 
 def test_chosen_doors_keep_the_robot_and_its_patrols(tmp_path: Path) -> None:

@@ -124,34 +124,6 @@ def test_a_view_alone_has_nearly_all_of_the_picture(viewer: Viewer) -> None:
         assert height > 0.8 * SIZE[1], name
 
 
-def test_north_is_up(viewer: Viewer) -> None:
-    """`front` lies below and left of door 2 in the map, and so it does in the picture."""
-    viewer.go_to("happened", OPEN_NS)
-
-    picture = viewer.picture("Floor plan")
-
-    front, second = middle_of(picture, DEFAULT.open), middle_of(picture, DEFAULT.unknown)
-    assert front[0] < second[0]
-    assert front[1] > second[1]
-
-
-def test_the_robot_is_drawn_where_it_is(viewer: Viewer) -> None:
-    """The arrow is there while the patrol runs."""
-    viewer.go_to("happened", OPEN_NS)
-
-    assert has_colour(viewer.picture("Floor plan"), DEFAULT.robot)
-
-
-def test_a_moment_can_be_an_event(viewer: Viewer) -> None:
-    """Along `event` the cursor is a number."""
-    viewer.go_to("event", 2)
-
-    assert ("event", 2) == (
-        viewer.state().recordings[0].current_timeline,
-        viewer.state().recordings[0].current_time,
-    )
-
-
 def test_an_unknown_view_or_timeline_is_told_with_the_known_ones(viewer: Viewer) -> None:
     """The message lists what there is."""
     with pytest.raises(ViewerError, match=r"view 'Plan': expected one of .*Floor plan"):
