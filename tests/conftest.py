@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from shutil import which
 
@@ -15,6 +16,8 @@ import pytest
 from steady_clock import SteadyClock
 
 from tests import quick
+from tests.golden_text import GoldenText
+from tests.verbs import Refuses, Verb, check_refusals, ran
 
 MEMORY = Path("/dev/shm")
 ROOM_BYTES = 2**30
@@ -45,6 +48,24 @@ def shared_data() -> Path:
     if not SHARED.is_dir():
         pytest.skip("the real data (../shared/data) is not beside this checkout")
     return SHARED
+
+
+@pytest.fixture
+def golden(request: pytest.FixtureRequest, tmp_path: Path) -> GoldenText:
+    """Check texts against the golden file of a verb: `golden(verb, case, text)`."""
+    return GoldenText(tmp_path, is_rewritten=request.config.option.golden)
+
+
+@pytest.fixture
+def run_verb(capsys: pytest.CaptureFixture[str]) -> Verb:
+    """Run a verb of the command line; return its exit code, stdout and stderr."""
+    return partial(ran, capsys)
+
+
+@pytest.fixture
+def refuses(run_verb: Verb, golden: GoldenText) -> Refuses:
+    """Check that command lines fail as golden files have it: `refuses(lines)`."""
+    return partial(check_refusals, run_verb, golden)
 
 
 @pytest.fixture

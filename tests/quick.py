@@ -39,7 +39,7 @@ LISTED = frozenset(LIST.read_text().split("\n"))
 
 EXPERIMENTS = "tools/experiments"
 QUICK_EXAMPLES = 20
-SLOW_FIXTURES = {"ros", "ros1", "ros_1_or_2", "jazzy", "kilted", "node_packages", "newer"}
+SLOW_FIXTURES = {"ros", "ros1", "every_ros", "jazzy", "kilted", "node_packages", "newer"}
 
 HEAVY = (
     "rerun", "pyarrow.parquet", "pandas", "polars", "duckdb", "matplotlib.pyplot", "PIL.Image",
@@ -62,6 +62,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--all", action="store_true", help="run every test, the slow ones too")
     group.addoption("--long", action="store_true", help="run only what a plain run leaves out")
     group.addoption("--measure", action="store_true", help="rewrite the list of slow tests")
+    group.addoption("--golden", action="store_true", help="rewrite golden files of wordings")
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -130,9 +130,7 @@ def test_bytes_and_errors_are_those_of_single_events(
 
 
 def test_a_batch_that_takes_an_adding_back_is_asked_about_that_door(tmp_path: Path) -> None:
-    """
-    The third event added door 3: behind its retraction nothing can be said of it.
-    """
+    """The third event added door 3: behind its retraction nothing can be said of it."""
     events: list[Event] = [
         Retracted(first_event=2, last_event=2),
         DoorObserved(door_id=DoorId(3), state=DoorState.OPEN),
@@ -149,9 +147,7 @@ def test_a_batch_that_takes_an_adding_back_is_asked_about_that_door(tmp_path: Pa
 def test_chunks_are_cut_at_the_same_places(
     tmp_path_factory: pytest.TempPathFactory, events, chunk_bytes
 ) -> None:
-    """
-    A commit of many chunks, here small ones.
-    """
+    """A commit of many chunks, here small ones."""
     allowed = [e for e in events if not isinstance(e, (DoorAdded, DoorRemoved, Retracted))]
     from semmap_log.store import commit_records as commits
 
@@ -167,9 +163,7 @@ def test_chunks_are_cut_at_the_same_places(
 
 @pytest.mark.slow
 def test_large_commits_have_the_same_bytes(tmp_path: Path) -> None:
-    """
-    30,000 events of two kinds: some chunks of a MiB, compressed.
-    """
+    """30,000 events of two kinds: some chunks of a MiB, compressed."""
     events: list[Event] = []
     for i in range(30_000):
         door = DoorId(1 + i % DOORS)
@@ -192,9 +186,7 @@ def log(tmp_path: Path):
 
 @pytest.mark.parametrize("few", [3, 1000])
 def test_an_unknown_door_is_named_and_nothing_is_written(log: sl.DoorLogWriter, few: int) -> None:
-    """
-    As for a single event; the log can be written on.
-    """
+    """As for a single event; the log can be written on."""
     ids = np.full(few, 1)
     ids[-1] = 77
     before = log.state.event
@@ -209,9 +201,7 @@ def test_an_unknown_door_is_named_and_nothing_is_written(log: sl.DoorLogWriter, 
 
 
 def test_what_changes_the_index_counts_for_the_rows_behind_it(log: sl.DoorLogWriter) -> None:
-    """
-    A door that a batch adds is there for its later rows, one that it removes is not.
-    """
+    """A door that a batch adds is there for its later rows, one that it removes is not."""
     seen = DoorObserved(door_id=DoorId(9), state=DoorState.OPEN, happened_ns=2 * 10**18)
     comes, goes = (
         DoorAdded(door_id=DoorId(9)),
@@ -226,9 +216,7 @@ def test_what_changes_the_index_counts_for_the_rows_behind_it(log: sl.DoorLogWri
 
 
 def test_values_are_checked_whoever_made_the_batch(log: sl.DoorLogWriter) -> None:
-    """
-    One that `of` made cannot be written to; one that was put together by hand is looked at.
-    """
+    """One that `of` made cannot be written to; one that was put together by hand is looked at."""
     made = EventBatch.of(DoorObserved, door_id=[1, 2], state=1)
     rows = made[DoorObserved].copy()
     rows["state"][1] = 9
@@ -241,9 +229,7 @@ def test_values_are_checked_whoever_made_the_batch(log: sl.DoorLogWriter) -> Non
 
 
 def test_a_command_of_columns_is_known_again(log: sl.DoorLogWriter) -> None:
-    """
-    The same columns, or the same events; others are refused.
-    """
+    """The same columns, or the same events; others are refused."""
     batch = EventBatch.of(DoorObserved, door_id=[1, 2], state=1)
     first = log.append(batch, command_id=bytes(range(16)))
 
@@ -258,9 +244,7 @@ def test_a_command_of_columns_is_known_again(log: sl.DoorLogWriter) -> None:
 
 @pytest.mark.usefixtures("patient_poses")
 def test_poses_that_wait_go_before_a_batch(log: sl.DoorLogWriter) -> None:
-    """
-    As before single events.
-    """
+    """As before single events."""
     log.robot_pose(RobotPose(x=1.0, y=2.0, theta=0.0))
 
     appended = log.append(EventBatch.of(DoorObserved, door_id=[1, 2], state=1))
@@ -270,9 +254,7 @@ def test_poses_that_wait_go_before_a_batch(log: sl.DoorLogWriter) -> None:
 
 
 def test_what_a_log_gives_can_be_appended_to_another(log: sl.DoorLogWriter, tmp_path: Path) -> None:
-    """
-    Its numbers and recorded times stay behind.
-    """
+    """Its numbers and recorded times stay behind."""
     log.append(EventBatch.of(DoorObserved, door_id=[1, 2], state=1, happened_ns=[10, 20]))
     log.annotate(DoorId(1), "name", "front")
 
@@ -284,8 +266,6 @@ def test_what_a_log_gives_can_be_appended_to_another(log: sl.DoorLogWriter, tmp_
 
 
 def test_no_rows_are_no_commit(log: sl.DoorLogWriter) -> None:
-    """
-    As no events are none.
-    """
+    """As no events are none."""
     with pytest.raises(SemmapError, match="at least one event"):
         log.append(EventBatch.of(DoorObserved, door_id=[], state=[]))

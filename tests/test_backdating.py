@@ -48,9 +48,7 @@ def log(tmp_path: Path, clock: SteadyClock) -> Iterator[sl.DoorLogWriter]:
 
 
 def test_it_is_said_at_once_and_again_when_it_is_much_more(log: sl.DoorLogWriter) -> None:
-    """
-    The first event, then the tenth, then the end: not a line for each of a million.
-    """
+    """The first event, then the tenth, then the end: not a line for each of a million."""
     front = log.add_door(name="front")
     side = log.add_door()
 
@@ -70,9 +68,7 @@ def test_it_is_said_at_once_and_again_when_it_is_much_more(log: sl.DoorLogWriter
 
 
 def test_it_is_said_of_a_door_that_came_after_others_were_seen(log: sl.DoorLogWriter) -> None:
-    """
-    When doors were added is looked up once as long as none comes; the next one counts, too.
-    """
+    """When doors were added is looked up once as long as none comes; the next one counts, too."""
     seen = {"state": DoorState.OPEN, "happened_ns": _ns("2026-02-15")}
     first = log.add_door(at="2026-02-10")
     log.append([DoorObserved(door_id=first, **seen)])
@@ -83,9 +79,7 @@ def test_it_is_said_of_a_door_that_came_after_others_were_seen(log: sl.DoorLogWr
 
 
 def test_nothing_is_said_of_what_counts(log: sl.DoorLogWriter) -> None:
-    """
-    Events after the adding, requests, and events without a time.
-    """
+    """Events after the adding, requests, and events without a time."""
     door = log.add_door(at=LAST_WEEK)
     with warnings.catch_warnings():
         warnings.simplefilter("error", EarlyEventsWarning)
@@ -100,9 +94,7 @@ def test_nothing_is_said_of_what_counts(log: sl.DoorLogWriter) -> None:
 
 
 def test_updates_and_words_are_told_of_as_sightings_are(log: sl.DoorLogWriter) -> None:
-    """
-    Whatever says something of a door, in a commit of its own or among others.
-    """
+    """Whatever says something of a door, in a commit of its own or among others."""
     door = log.add_door()
 
     with pytest.warns(EarlyEventsWarning, match="^1 event of 1 door"):
@@ -117,9 +109,7 @@ def test_updates_and_words_are_told_of_as_sightings_are(log: sl.DoorLogWriter) -
 
 
 def test_columns_are_told_as_events_are(log: sl.DoorLogWriter) -> None:
-    """
-    The same count, of the same doors, for a commit of columns and for the whole log.
-    """
+    """The same count, of the same doors, for a commit of columns and for the whole log."""
     doors = [log.add_door(), log.add_door(at=LAST_WEEK), log.add_door()]
     begin = _ns(LAST_WEEK)
     times = [begin + hour * 3600 * 10**9 for hour in range(-3, 3)]
@@ -134,9 +124,7 @@ def test_columns_are_told_as_events_are(log: sl.DoorLogWriter) -> None:
 
 
 def test_an_import_says_it(log: sl.DoorLogWriter, tmp_path: Path) -> None:
-    """
-    A door CSV about doors that a building brought a week later.
-    """
+    """A door CSV about doors that a building brought a week later."""
     log.add_door(name="front")
     rows = tmp_path / "history.csv"
     rows.write_text("timestamp,door,state,accuracy\n" + "".join(
@@ -149,9 +137,7 @@ def test_an_import_says_it(log: sl.DoorLogWriter, tmp_path: Path) -> None:
 
 
 def test_info_flags_it_until_it_is_put_right(log: sl.DoorLogWriter) -> None:
-    """
-    With the line that does it.
-    """
+    """With the line that does it."""
     door = log.add_door(name="front")
     _told(log, door)
     (warning,) = summarize(open_any(log.path)).warnings
@@ -164,9 +150,7 @@ def test_info_flags_it_until_it_is_put_right(log: sl.DoorLogWriter) -> None:
 
 
 def test_a_door_is_there_since_an_earlier_time(log: sl.DoorLogWriter) -> None:
-    """
-    What was told of then counts now, for every question; what was known before stays known.
-    """
+    """What was told of then counts now, for every question; what was known before stays known."""
     door = log.add_door(
         x=1, y=2, theta=0, width=1, state="open", prob_open=0.7, name="front", actor="survey"
     )
@@ -198,9 +182,7 @@ def test_a_door_is_there_since_an_earlier_time(log: sl.DoorLogWriter) -> None:
 
 
 def test_the_answer_is_the_same_without_keyframes(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    A keyframe that rests on the retracted adding is not used.
-    """
+    """A keyframe that rests on the retracted adding is not used."""
     path = tmp_path / "office"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", EarlyEventsWarning)
@@ -221,9 +203,7 @@ def test_the_answer_is_the_same_without_keyframes(tmp_path: Path, clock: SteadyC
 
 
 def test_what_is_told_of_that_very_moment_counts(log: sl.DoorLogWriter) -> None:
-    """
-    Of two events of one time the later number would win, and be the adding.
-    """
+    """Of two events of one time the later number would win, and be the adding."""
     door = log.add_door()
     _told(log, door)
 
@@ -234,9 +214,7 @@ def test_what_is_told_of_that_very_moment_counts(log: sl.DoorLogWriter) -> None:
 
 
 def test_it_can_be_moved_again(log: sl.DoorLogWriter) -> None:
-    """
-    To a still earlier time; a door that was there by then is left alone.
-    """
+    """To a still earlier time; a door that was there by then is left alone."""
     door = log.add_door(name="front")
     _told(log, door)
     assert backdate(log, _ns("2026-02-20T10:00")).plan.count
@@ -250,9 +228,7 @@ def test_it_can_be_moved_again(log: sl.DoorLogWriter) -> None:
 
 
 def test_an_id_is_used_again_for_a_correction_only(log: sl.DoorLogWriter) -> None:
-    """
-    Retracted and told again in one commit, at an earlier time; nothing else.
-    """
+    """Retracted and told again in one commit, at an earlier time; nothing else."""
     log.add_door(at="2026-02-20")
     added = DoorAdded(door_id=DoorId(1), happened_ns=_ns("2026-02-10"))
     taken_back = Retracted(first_event=0, last_event=0)
@@ -321,9 +297,7 @@ def test_a_building_since(log: sl.DoorLogWriter, tmp_path: Path, *, is_there: bo
 def test_states_of_a_door_database_stay_of_their_time(
     log: sl.DoorLogWriter, tmp_path: Path
 ) -> None:
-    """
-    That a door was there in January tells not that it was open then.
-    """
+    """That a door was there in January tells not that it was open then."""
     path = tmp_path / "doors.yaml"
     path.write_text(
         "1:\n  position: {x: 1.0, y: 2.0, theta: 0.0}\n  width: 0.9\n  status: OPEN\n"
@@ -369,9 +343,7 @@ LINES = "".join(
 @pytest.mark.filterwarnings("default::semmap_log.errors.EarlyEventsWarning")
 @pytest.mark.usefixtures("terminal")
 def test_from_the_warning_to_the_right_answer(run: Run) -> None:
-    """
-    A building, last week's sightings, the line that the warning tells, and the timeline knows.
-    """
+    """A building, last week's sightings, the line that the warning tells."""
     run("init", "office", "--tz", "UTC")
     assert 0 == run("import", "office", "house.building.yaml")[0]
     code, _, err = run("record", "office", lines=LINES)
@@ -408,9 +380,7 @@ def test_from_the_warning_to_the_right_answer(run: Run) -> None:
 def test_what_makes_no_sense_is_refused(
     run: Run, arguments: list[str], code: int, message: str
 ) -> None:
-    """
-    Before anything is written.
-    """
+    """Before anything is written."""
     run("init", "office", "--tz", "UTC")
 
     got, _, err = run("import", "office", *arguments)
@@ -420,9 +390,7 @@ def test_what_makes_no_sense_is_refused(
 
 
 def test_a_log_without_events_knows_no_ever(run: Run) -> None:
-    """
-    It says so, and what to do.
-    """
+    """It says so, and what to do."""
     run("init", "office", "--tz", "UTC")
 
     code, _, err = run("import", "office", "house.building.yaml", "--since-ever")

@@ -12,7 +12,6 @@ import pytest
 from rosbags.rosbag2 import Writer
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.doors import reduced
 from semmap_log.core.model.events import LevelAdded, RobotPose
 from semmap_log.core.texts import counted
@@ -30,6 +29,7 @@ from tests.interop.formats.bags.bags_of_others import (
     write_with_rosbag,
 )
 from tests.interop.topics.robots import START, Robot, S
+from tests.verbs import run
 from tests.views.rerun.some_logs import START as LIVELY_START
 
 ROBOT = Robot()
@@ -46,17 +46,8 @@ def _import(office: Path, path: Path, **options: Any) -> Any:
         return import_file(log, path, ImportOptions(**options))
 
 
-def _run(*words: object) -> Any:
-    """Return a verb's exit code."""
-    with pytest.raises(SystemExit) as left:
-        main([str(word) for word in words])
-    return left.value.code
-
-
 def test_states_of_doors_on_several_levels_need_no_level(office: Path, tmp_path: Path) -> None:
-    """
-    Where each name is there once. One that would be new needs one, and is passed over aloud.
-    """
+    """Where each name is there once. One that would be new needs one, and is passed over aloud."""
     with sl.append(office) as log:
         log.append([LevelAdded(level=n, name=name) for n, name in ((1, "ground"), (2, "upper"))])
         for level, name in ((1, "lab"), (2, "attic")):
@@ -87,9 +78,7 @@ def test_a_bag_of_which_nothing_is_taken_is_told(
     office: Path, tmp_path: Path, said: tuple[str, bytes] | None, why: str,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    """
-    Why, and exit code 1; not that the log holds it already.
-    """
+    """Why, and exit code 1; not that the log holds it already."""
     read_as = "tf" if said and said[0].startswith("tf2") else "rmf_door_state"
     (tmp_path / "robot.yaml").write_text(f"topics: {{/s: {read_as}}}")
     if said is None:
@@ -98,7 +87,7 @@ def test_a_bag_of_which_nothing_is_taken_is_told(
     else:
         write_ros2(tmp_path / "day", [Said("/s", *said, START)])
 
-    assert 1 == _run("import", office, tmp_path / "day", "--mapping", tmp_path / "robot.yaml")
+    assert 1 == run("import", office, tmp_path / "day", "--mapping", tmp_path / "robot.yaml")
     err = capsys.readouterr().err
     assert "day: nothing of it can be imported: " in err
     assert why in err
@@ -119,11 +108,9 @@ def _seen(log: sl.DoorLog, at_ns: int) -> list[Any]:
 @pytest.mark.parametrize("name", ["day.mcap", "day.bag", "day"])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_what_was_exported_comes_back(name: str, seed: int, office: Path, tmp_path: Path) -> None:
-    """
-    The same doors at the same moments, in all that a DoorMap carries; floor plans and poses, too.
-    """
+    """The same doors at the same moments, in all that a DoorMap carries."""
     lively = lively_log(tmp_path / "lively", seed=seed)
-    assert 0 == _run("export", lively.path, tmp_path / name, "--markers")
+    assert 0 == run("export", lively.path, tmp_path / name, "--markers")
 
     _import(office, tmp_path / name)
 
@@ -142,9 +129,7 @@ def test_what_was_exported_comes_back(name: str, seed: int, office: Path, tmp_pa
 def test_a_bag_by_ros_1s_own_library_is_recorded_as_its_robot_meant_it(
     office: Path, tmp_path: Path
 ) -> None:
-    """
-    Open-RMF's doors, a contact by a mapping, the map: with happened times of the bag.
-    """
+    """Open-RMF's doors, a contact by a mapping, the map: with happened times of the bag."""
     robot = Robot(1)
     said = [
         Said("/door_states", *robot.door_state("front", 2), START),
@@ -178,9 +163,7 @@ def test_a_bag_by_ros_1s_own_library_is_recorded_as_its_robot_meant_it(
 def test_the_same_bag_changes_nothing_but_with_another_mapping_it_may(
     office: Path, tmp_path: Path
 ) -> None:
-    """
-    The command id is made of the bag's and the mapping's bytes.
-    """
+    """The command id is made of the bag's and the mapping's bytes."""
     write_mcap(tmp_path / "x.mcap", [Said("/s", *ROBOT.door_state("front", 2), START)])
     mapping = tmp_path / "m.yaml"
     mapping.write_text("topics: {/s: {read: rmf_door_state, doors: {front: back}}}")
@@ -198,9 +181,7 @@ def test_the_same_bag_changes_nothing_but_with_another_mapping_it_may(
 
 
 def test_a_bag_that_is_damaged_leaves_the_log_as_it_is(office: Path, tmp_path: Path) -> None:
-    """
-    Whole or not at all, also where the first half could be read.
-    """
+    """Whole or not at all, also where the first half could be read."""
     said = [Said("/s", *ROBOT.door_state(f"door{n}", 2), START + n * S) for n in range(400)]
     write_mcap(tmp_path / "x.mcap", said)
     data = bytearray((tmp_path / "x.mcap").read_bytes())
@@ -216,9 +197,7 @@ def test_a_bag_that_is_damaged_leaves_the_log_as_it_is(office: Path, tmp_path: P
 def test_many_events_are_read_twice_and_not_kept(
     office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    And are the same as if they had been.
-    """
+    """And are the same as if they had been."""
     said = [Said("/s", *ROBOT.door_state(f"door{n}", 2), START + n * S) for n in range(50)]
     write_mcap(tmp_path / "x.mcap", said)
     monkeypatch.setattr(bag_importing, "MOST_KEPT", 10)
@@ -235,9 +214,7 @@ def test_many_events_are_read_twice_and_not_kept(
 def test_a_bag_that_is_another_at_the_second_reading_is_told(
     office: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Its recorder still writes: a commit would say that it holds what it does not.
-    """
+    """Its recorder still writes: a commit would say that it holds what it does not."""
     said = [Said("/s", *ROBOT.door_state(f"door{n}", 2), START + n * S) for n in range(50)]
     write_mcap(tmp_path / "x.mcap", said)
     monkeypatch.setattr(bag_importing, "MOST_KEPT", 10)
@@ -252,14 +229,12 @@ def test_a_bag_that_is_another_at_the_second_reading_is_told(
 def test_what_cannot_be_is_told_with_counts(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    On stderr, once for each kind, and who asked for doors is left out aloud.
-    """
+    """On stderr, once for each kind, and who asked for doors is left out aloud."""
     said = [Said("/amcl_pose", *ROBOT.pose(1, 2, 3, frame="odom"), START + n) for n in range(3)]
     said += [Said("/r", *ROBOT.door_request("front", 2, "tug1"), START + S)]
     write_mcap(tmp_path / "x.mcap", said)
 
-    assert 0 == _run("import", office, tmp_path / "x.mcap")
+    assert 0 == run("import", office, tmp_path / "x.mcap")
 
     err = capsys.readouterr().err
     assert "warning: /amcl_pose: a pose in another frame than map; passed over: 'odom' (3 t" in err
@@ -267,9 +242,6 @@ def test_what_cannot_be_is_told_with_counts(
 
 
 def test_a_bag_without_a_topic_that_is_read_is_told(office: Path, tmp_path: Path) -> None:
-    """
-    With the topics that there are.
-    """
     write_mcap(tmp_path / "x.mcap", [Said("/chatter", *ROBOT.said("String", "x"), START)])
 
     with pytest.raises(FormatError, match=r"there is: /chatter \(std_msgs/String\).*--mapping"):
@@ -277,9 +249,7 @@ def test_a_bag_without_a_topic_that_is_read_is_told(office: Path, tmp_path: Path
 
 
 def test_a_level_has_to_be_said_where_there_are_several(office: Path, tmp_path: Path) -> None:
-    """
-    Else doors and robot would be put on any.
-    """
+    """Else doors and robot would be put on any."""
     with sl.append(office) as log:
         log.append([LevelAdded(level=n, name=f"L{n}") for n in (1, 2)])
     write_mcap(tmp_path / "x.mcap", [Said("/doors", *ROBOT.door_map([{"door_id": 1}]), START)])
@@ -297,13 +267,11 @@ def test_a_level_has_to_be_said_where_there_are_several(office: Path, tmp_path: 
 def test_a_dry_run_shows_events_and_writes_nothing(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Lines as `record` takes them; the log stays as it is, byte for byte.
-    """
+    """Lines as `record` takes them; the log stays as it is, byte for byte."""
     write_ros1(tmp_path / "x.bag", [Said("/s", *Robot(1).door_state("front", 2), START)])
     before = {path: path.read_bytes() for path in office.iterdir()}
 
-    assert 0 == _run("import", office, tmp_path / "x.bag", "--dry-run")
+    assert 0 == run("import", office, tmp_path / "x.bag", "--dry-run")
 
     captured = capsys.readouterr()
     lines = [json.loads(line) for line in captured.out.splitlines()]
@@ -315,13 +283,11 @@ def test_a_dry_run_shows_events_and_writes_nothing(
 def test_a_dry_run_of_a_bag_that_was_imported_shows_nothing(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    As the import itself would make nothing.
-    """
+    """As the import itself would make nothing."""
     write_ros1(tmp_path / "x.bag", [Said("/s", *Robot(1).door_state("front", 2), START)])
     _import(office, tmp_path / "x.bag")
 
-    assert 0 == _run("import", office, tmp_path / "x.bag", "--dry-run")
+    assert 0 == run("import", office, tmp_path / "x.bag", "--dry-run")
 
     captured = capsys.readouterr()
     assert "" == captured.out
@@ -341,27 +307,23 @@ def test_a_dry_run_is_of_any_file(
     office: Path, tmp_path: Path, *, capsys: pytest.CaptureFixture[str], name: str, text: str,
     kinds: list[str],
 ) -> None:  # fmt: skip
-    """
-    Its events are shown, and nothing is written; the log may be somebody's who writes.
-    """
+    """Its events are shown, and nothing is written; the log may be somebody's who writes."""
     (tmp_path / name).write_text(text)
 
     with sl.append(office):
-        assert 0 == _run("import", office, tmp_path / name, "--dry-run")
+        assert 0 == run("import", office, tmp_path / name, "--dry-run")
 
     out, err = capsys.readouterr()
     assert kinds == [json.loads(line)["kind"] for line in out.splitlines()]
     assert f"{name}: {counted(len(kinds), 'event')}; nothing was written." in err
     assert [] == list(sl.read(office).commits())
-    assert 0 == _run("import", office, tmp_path / name)
-    assert 0 == _run("import", office, tmp_path / name, "--dry-run")
+    assert 0 == run("import", office, tmp_path / name)
+    assert 0 == run("import", office, tmp_path / name, "--dry-run")
     assert "imported before; nothing would be made" in capsys.readouterr().err
 
 
 def test_progress_is_told_in_messages(tmp_path: Path, office: Path) -> None:
-    """
-    How many were read, of how many.
-    """
+    """How many were read, of how many."""
     said = [Said("/s", *ROBOT.door_state("front", 2), START + n * S) for n in range(2500)]
     write_mcap(tmp_path / "x.mcap", said)
     told: list[tuple[int, int]] = []
@@ -386,9 +348,7 @@ def test_progress_is_told_in_messages(tmp_path: Path, office: Path) -> None:
 def test_options_that_mean_nothing_of_a_bag_are_refused(
     options: ImportOptions, tmp_path: Path
 ) -> None:
-    """
-    Nothing is passed over in silence.
-    """
+    """Nothing is passed over in silence."""
     (tmp_path / "windows.csv").touch()
     with sl.create(tmp_path / "log", tz="UTC") as log:
         write_mcap(tmp_path / "x.mcap", [Said("/d", *Robot(2).door_map([{"door_id": 1}]), START)])
@@ -401,9 +361,7 @@ def test_options_that_mean_nothing_of_a_bag_are_refused(
 
 
 def test_a_mapping_of_what_is_no_bag_is_refused(tmp_path: Path) -> None:
-    """
-    Whoever gives one expects it to count.
-    """
+    """Whoever gives one expects it to count."""
     (tmp_path / "doors.yaml").write_text("{}\n")
 
     with (

@@ -45,9 +45,7 @@ def bench(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 @pytest.mark.slow
 @pytest.mark.timeout(MOST_S)
 def test_all_peers_give_the_same_answers(tmp_path: Path) -> None:
-    """
-    One document with all rows: each peer's answer is right, its figures are there.
-    """
+    """One document with all rows: each peer's answer is right, its figures are there."""
     for name in ("mcap_ros2", "duckdb", "pyarrow", "matplotlib", "rerun", "moto", "obstore",
                  "distributed"):  # fmt: skip
         pytest.importorskip(name)
@@ -73,23 +71,19 @@ def test_all_peers_give_the_same_answers(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_table_fits_a_terminal(tmp_path: Path) -> None:
-    """
-    The same for people: 80 columns, only the rows asked for.
-    """
-    done = bench("--only", "start", "--dir", tmp_path)
+    """The same for people: 80 columns, only the rows asked for."""
+    done = bench("--only", "now", "--dir", tmp_path)
 
     assert 0 == done.returncode, done.stderr
     assert 80 >= max(map(len, done.stdout.splitlines()))
-    assert "semmap-log --help" in done.stdout
-    assert "Replay" not in done.stdout
+    assert "State now" in done.stdout
+    assert "Append" not in done.stdout
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_nothing_is_left_of_a_run_that_was_stopped(tmp_path: Path, number: int) -> None:
-    """
-    Ctrl-C, or a kill, in the middle: its logs are removed, and the exit code says it.
-    """
+    """Ctrl-C, or a kill, in the middle: its logs are removed, and the exit code says it."""
     command = [sys.executable, TOOLS / "bench.py", "--only", "fold", "--dir", tmp_path]
     with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
         while not list(tmp_path.glob(".bench_*/*/log")):
@@ -104,9 +98,7 @@ def test_nothing_is_left_of_a_run_that_was_stopped(tmp_path: Path, number: int) 
 
 
 def test_a_group_that_does_not_exist_is_named() -> None:
-    """
-    A wrong word on the command line is the user's error, and says what there is.
-    """
+    """A wrong word on the command line is the user's error, and says what there is."""
     done = bench("--only", "append,speed")
 
     assert 2 == done.returncode
@@ -133,9 +125,7 @@ def test_a_patrol_is_the_same_as_events_and_as_columns() -> None:
 
 
 def test_the_plain_fold_knows_late_events() -> None:
-    """
-    A fold in the order of recording gives another answer: the patrol has late events that matter.
-    """
+    """A fold in the order of recording gives another answer."""
     by_time, by_number = (
         plain_answers(100_000, None, (None,), late_counts=late)[None] for late in (True, False)
     )
@@ -145,18 +135,14 @@ def test_the_plain_fold_knows_late_events() -> None:
 
 
 def test_a_few_moments_lie_as_evenly_as_all() -> None:
-    """
-    Whoever answers only seven of them in his time meets each eighth of the log but the first.
-    """
+    """Whoever answers only seven of them in his time meets each eighth of the log but the first."""
     few = [(at_ns - START_NS) / (1000 * STEP_NS) for at_ns in moments(1000)[:7]]
 
     assert [n / 8 for n in range(1, 8)] == sorted(few)
 
 
 def test_a_small_building_is_a_corner_of_a_large_one() -> None:
-    """
-    What a slow peer is given of the costmap is as full as the whole: the same rooms, doors apart.
-    """
+    """What a slow peer is given of the costmap is as full as the whole."""
     small, large = made_building(1000), made_building(2000)
     room = slice(WALL, ROOM[1]), slice(WALL, ROOM[0])
     walls = {(round(line.x, 6), round(line.y, 6)) for line in large.doors.values()}
@@ -174,9 +160,7 @@ def test_a_small_building_is_a_corner_of_a_large_one() -> None:
     ],
 )  # fmt: skip
 def test_an_answer_that_is_near_enough_is_right(answer: object, is_right: bool) -> None:
-    """
-    Within a thousandth of each number, and near 0 within a millionth; as many, and numbers.
-    """
+    """Within a thousandth of each number, and near 0 within a millionth; as many, and numbers."""
     found = answer == Near((2.0, 0.0), 1e-3)
 
     assert is_right is found
@@ -202,18 +186,14 @@ def _grown(promise: str, *seconds: float) -> list[Result]:
     ],
 )  # fmt: skip
 def test_a_promise_is_kept_or_not(promise: str, value: float | None, kept: bool | None) -> None:
-    """
-    The table's words are judged as they read; without a promise or a value there is no judgement.
-    """
+    """The table's words are judged as they read."""
     judged = is_kept(promise, value)
 
     assert kept is judged
 
 
 def test_growth_is_from_the_smallest_log_to_the_largest() -> None:
-    """
-    What lies between does not count; one size alone has no growth.
-    """
+    """What lies between does not count; one size alone has no growth."""
     (growth,) = growths(_grown("< 2x", 0.010, 0.090, 0.015))
 
     assert (10, 1000, 1.5) == (growth.from_events, growth.to_events, round(growth.times, 6))
@@ -222,9 +202,7 @@ def test_growth_is_from_the_smallest_log_to_the_largest() -> None:
 
 
 def test_the_slowest_turns_and_the_share_read_are_told() -> None:
-    """
-    p99 of a hundred turns is the last but one; a share is the median of what was read.
-    """
+    """p99 of a hundred turns is the last but one; a share is the median of what was read."""
     peer = Peer("semmap-log", partial(_answers, 1), expected=1, store_bytes=1000)
 
     measured = Measured(peer, tuple(range(1, 101)), read_bytes=(0, 10, 20))
@@ -261,9 +239,7 @@ def _case(*peers: Peer) -> Case:
 
 @pytest.mark.slow
 def test_a_wrong_answer_is_seen() -> None:
-    """
-    What a peer answers is compared, and each turn that counts is timed.
-    """
+    """What a peer answers is compared, and each turn that counts is timed."""
     right = Peer("right", partial(_answers, 42), expected=42)
     wrong = Peer("wrong", partial(_answers, 41), expected=42)
 
@@ -275,9 +251,7 @@ def test_a_wrong_answer_is_seen() -> None:
 
 @pytest.mark.slow
 def test_memory_is_that_of_the_peer_itself() -> None:
-    """
-    A peer that takes 100 MiB shows them, the other, measured beside it, does not.
-    """
+    """A peer that takes 100 MiB shows them, the other, measured beside it, does not."""
     great, small = 100 * MIB, 1
     peers = [Peer(str(n), partial(_needs_memory, n), expected=n) for n in (small, great)]
 
@@ -288,9 +262,7 @@ def test_memory_is_that_of_the_peer_itself() -> None:
 
 @pytest.mark.slow
 def test_a_peer_that_is_not_installed_only_says_so() -> None:
-    """
-    The others are measured all the same.
-    """
+    """The others are measured all the same."""
     here = Peer("here", partial(_answers, 1), expected=1)
     absent = Peer("absent", _needs_a_library, expected=1)
 
@@ -302,9 +274,7 @@ def test_a_peer_that_is_not_installed_only_says_so() -> None:
 
 @pytest.mark.parametrize("prepare", [_fails, _fails_later])
 def test_a_peer_that_fails_stops_the_run(prepare: Callable[[], Work]) -> None:
-    """
-    An error in a peer's process comes out with its traceback, whenever it was met.
-    """
+    """An error in a peer's process comes out with its traceback, whenever it was met."""
     with pytest.raises(PeerFailedError, match=r"(?s)broken:.*no such luck"):
         measure(_case(Peer("broken", prepare, expected=1)))
 
@@ -331,9 +301,7 @@ def _takes(seconds: float) -> Work:
 
 @pytest.mark.slow
 def test_slow_peers_take_fewer_turns() -> None:
-    """
-    A round ends with the burst, or when its time is over; a turn is never cut off.
-    """
+    """A round ends with the burst, or when its time is over; a turn is never cut off."""
     peers = tuple(Peer(str(s), partial(_takes, s), expected=None) for s in (0.0, 0.75))
     case = Case("group", "A task", "ms", peers, rounds=1, burst=5, burst_s=3.0)
 
@@ -349,9 +317,7 @@ def _cores() -> Work:
 
 @pytest.mark.slow
 def test_a_peer_is_held_on_its_cores() -> None:
-    """
-    One core is one core, whatever the machine has; more than there are is said.
-    """
+    """One core is one core, whatever the machine has; more than there are is said."""
     peers = tuple(Peer(str(n), _cores, expected=n, cores=n) for n in (1, 1000))
 
     one, many = measure(_case(*peers))

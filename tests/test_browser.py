@@ -34,9 +34,7 @@ def html(tmp_path: Path) -> str:
 
 @pytest.mark.slow
 def test_a_page_is_touched_and_seen(page: Page, html: str) -> None:
-    """
-    A click, a key and a drag arrive; the picture has the size and the theme asked for.
-    """
+    """A click, a key and a drag arrive; the picture has the size and the theme asked for."""
     page.open(html)
 
     page.click("#button")
@@ -70,9 +68,7 @@ def test_a_page_is_touched_and_seen(page: Page, html: str) -> None:
 def test_what_goes_wrong_in_a_page_is_told(
     page: Page, html: str, script: str, complaint: str
 ) -> None:
-    """
-    A word on the console, an exception that nobody catches, a request that fails.
-    """
+    """A word on the console, an exception that nobody catches, a request that fails."""
     page.open(html)
 
     page.evaluate(f"void {script}" if script.startswith("set") else script)
@@ -84,9 +80,7 @@ def test_what_goes_wrong_in_a_page_is_told(
 
 @pytest.mark.slow
 def test_the_browser_ends_with_the_block() -> None:
-    """
-    An error inside leaves none behind.
-    """
+    """An error inside leaves none behind."""
     lines = []
 
     def fail() -> None:

@@ -60,17 +60,12 @@ def _built(tree: Path, version: str) -> tuple[dict[str, Any], list[str], build_l
 
 @pytest.mark.parametrize(
     ("name", "value", "reason"),
-    [
-        ("SEMMAP_LOG_PLAIN", "1", "SEMMAP_LOG_PLAIN asks for it"),
-        ("CC", "false", "false failed"),
-    ],
+    [("SEMMAP_LOG_PLAIN", "1", "SEMMAP_LOG_PLAIN asks for it"), ("CC", "false", "false failed")],
 )
 def test_without_them_an_installation_goes_on(
     tree: Path, monkeypatch: pytest.MonkeyPatch, name: str, value: str, reason: str
 ) -> None:
-    """
-    It says why, in one line, and removes those of an older version, which nobody may use.
-    """
+    """It says why, in one line, and removes those of an older version, which nobody may use."""
     pytest.importorskip("Cython")
     monkeypatch.setenv(name, value)
 
@@ -83,9 +78,7 @@ def test_without_them_an_installation_goes_on(
 
 
 def test_without_a_compiler_nothing_is_fetched(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Neither Cython, which is asked for where it is of use.
-    """
+    """Neither Cython, which is asked for where it is of use."""
     monkeypatch.setattr(shutil, "which", lambda _: None)
 
     _, said, hook = _built(tree, "standard")
@@ -97,9 +90,7 @@ def test_without_a_compiler_nothing_is_fetched(tree: Path, monkeypatch: pytest.M
 @pytest.mark.slow
 @pytest.mark.parametrize("version", ["standard", "editable"])
 def test_what_is_built_is_used(tree: Path, version: str) -> None:
-    """
-    It lies beside its source, or goes into the wheel, which is of this machine then.
-    """
+    """It lies beside its source, or goes into the wheel, which is of this machine then."""
     pytest.importorskip("Cython")
     if build_loops.why_not():
         pytest.skip(build_loops.why_not())

@@ -41,9 +41,7 @@ def log_of(folder: Path, *begins_ns: int) -> sl.DoorLog:
 def test_events_of_a_wrong_clock_are_counted(
     tmp_path: Path, begins_ns: tuple[int, ...], expected: str
 ) -> None:
-    """
-    With the years that it said, and how to find the commits.
-    """
+    """With the years that it said, and how to find the commits."""
     log = log_of(tmp_path / "log", *begins_ns)
 
     with pytest.warns(ClockWarning) as told:
@@ -55,9 +53,7 @@ def test_events_of_a_wrong_clock_are_counted(
 
 
 def test_it_is_said_once_for_a_log(tmp_path: Path) -> None:
-    """
-    Whatever is asked: a report asks for beliefs, too.
-    """
+    """Whatever is asked: a report asks for beliefs, too."""
     log = log_of(tmp_path / "log", IN_1970, IN_2026)
 
     with pytest.warns(ClockWarning) as told:  # noqa: PT031 - over all of it
@@ -71,9 +67,7 @@ def test_it_is_said_once_for_a_log(tmp_path: Path) -> None:
 def test_nothing_is_said_of_times_that_fit_together(
     tmp_path: Path, begins_ns: tuple[int, ...]
 ) -> None:
-    """
-    Nor where all are of a clock that was never set: no span of time is too long.
-    """
+    """Nor where all are of a clock that was never set: no span of time is too long."""
     log = log_of(tmp_path / "log", *begins_ns)
 
     with warnings.catch_warnings():
@@ -82,9 +76,7 @@ def test_nothing_is_said_of_times_that_fit_together(
 
 
 def test_nothing_is_said_of_a_span_that_begins_later(tmp_path: Path) -> None:
-    """
-    Who asks from 2026 on has seen to it.
-    """
+    """Who asks from 2026 on has seen to it."""
     log = log_of(tmp_path / "log", IN_1970, IN_2026)
 
     with warnings.catch_warnings():
@@ -107,9 +99,7 @@ def test_nothing_is_said_of_a_span_that_begins_later(tmp_path: Path) -> None:
 def test_verbs_that_answer_about_a_span_say_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: tuple[str, ...], is_told: bool
 ) -> None:
-    """
-    On stderr; a list of events shows itself when they happened.
-    """
+    """On stderr; a list of events shows itself when they happened."""
     log_of(tmp_path / "log", IN_1970, IN_2026)
     name, *rest = (part.replace("OUT", f"{tmp_path}/out") for part in verb)
 

@@ -41,9 +41,7 @@ def log(tmp_path: Path):
 
 
 def test_the_same_events_are_stored_once(log: sl.DoorLogWriter) -> None:
-    """
-    And answered with the first commit; the clock's time in the stored ones does not count.
-    """
+    """And answered with the first commit; the clock's time in the stored ones does not count."""
     seen = [DoorObserved(door_id=sl.DoorId(1), state=sl.DoorState.OPEN)]
     first = log.append(seen, command_id=ID)
     again = log.append(list(seen), command_id=ID)
@@ -65,9 +63,7 @@ def test_the_same_events_are_stored_once(log: sl.DoorLogWriter) -> None:
     ],
 )
 def test_other_content_under_the_same_id_is_refused(log, other, note) -> None:
-    """
-    The error names the event that is stored; nothing is written.
-    """
+    """The error names the event that is stored; nothing is written."""
     log.append([DoorObserved(door_id=sl.DoorId(1), state=sl.DoorState.OPEN)], command_id=ID)
     before = log.end_ns()
 
@@ -78,9 +74,7 @@ def test_other_content_under_the_same_id_is_refused(log, other, note) -> None:
 
 @pytest.mark.usefixtures("patient_poses")
 def test_poses_that_waited_are_no_part_of_the_command(log: sl.DoorLogWriter) -> None:
-    """
-    The same answer, though the first time a pose stood before its events.
-    """
+    """The same answer, though the first time a pose stood before its events."""
     log.robot_pose(RobotPose(x=1.0, y=2.0, theta=0.0))
     seen = [DoorObserved(door_id=sl.DoorId(1), state=sl.DoorState.OPEN)]
     first = log.append(seen, command_id=ID)
@@ -93,9 +87,7 @@ def test_poses_that_waited_are_no_part_of_the_command(log: sl.DoorLogWriter) -> 
 
 @pytest.mark.usefixtures("patient_poses")
 def test_poses_that_waited_are_written_once(log: sl.DoorLogWriter) -> None:
-    """
-    With the next commit, and not with the one behind it.
-    """
+    """With the next commit, and not with the one behind it."""
     log.robot_pose(RobotPose(x=1.0, y=2.0, theta=0.0))
 
     assert [1, 0] == [log.observe(1, "open").poses, log.observe(1, "closed").poses]
@@ -103,9 +95,7 @@ def test_poses_that_waited_are_written_once(log: sl.DoorLogWriter) -> None:
 
 
 def test_a_verb_is_known_by_its_words(log: sl.DoorLogWriter) -> None:
-    """
-    Whatever they mean by now: the name is another door's, the next free id another.
-    """
+    """Whatever they mean by now: the name is another door's, the next free id another."""
     first = log.add_door(name="back", command_id=ID)
     log.remove_door("front", command_id=bytes(16))
     log.annotate(first, "name", "front")
@@ -124,9 +114,7 @@ def test_a_verb_is_known_by_its_words(log: sl.DoorLogWriter) -> None:
 
 
 def test_a_repeated_command_survives_reopening(tmp_path: Path) -> None:
-    """
-    It is found in the log, not in the writer's memory.
-    """
+    """It is found in the log, not in the writer's memory."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log:
         door = log.add_door(command_id=ID)
@@ -147,9 +135,7 @@ def _as_stored(event: Event, recorded_ns: int) -> Event:
 @settings(max_examples=60, deadline=None)
 @given(st.lists(events, min_size=1, max_size=4), st.integers(0, 3))
 def test_events_are_known_again_whatever_they_are(given_events, i: int) -> None:
-    """
-    As they come back from the log; and one that is left out, or another, is noticed.
-    """
+    """As they come back from the log; and one that is left out, or another, is noticed."""
     stored = [_as_stored(event, 10**18) for event in given_events]
 
     assert are_same(given_events, stored)
@@ -159,9 +145,7 @@ def test_events_are_known_again_whatever_they_are(given_events, i: int) -> None:
 
 
 def test_a_floor_plan_is_known_again(log: sl.DoorLogWriter) -> None:
-    """
-    Though its angle went through a quaternion, and its resolution through a float32.
-    """
+    """Though its angle went through a quaternion, and its resolution through a float32."""
     cells = np.zeros((3, 4), np.int8)
     plan = FloorMap(
         level=0, resolution=0.05, origin_x=1.0, origin_y=2.0, origin_theta=0.3, cells=cells
@@ -179,9 +163,7 @@ def test_a_floor_plan_is_known_again(log: sl.DoorLogWriter) -> None:
 
 
 def test_an_expected_event_of_the_log(log: sl.DoorLogWriter) -> None:
-    """
-    The caller is told the actual number, and nothing is written.
-    """
+    """The caller is told the actual number, and nothing is written."""
     seen = [DoorObserved(door_id=sl.DoorId(1), state=sl.DoorState.OPEN)]
     log.append(seen, expected_event=1)
 
@@ -194,9 +176,7 @@ def test_an_expected_event_of_the_log(log: sl.DoorLogWriter) -> None:
 
 
 def test_an_expected_event_of_an_empty_log(tmp_path: Path) -> None:
-    """
-    -1: there is none yet.
-    """
+    """-1: there is none yet."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door(expected_event=-1)
 
@@ -205,9 +185,7 @@ def test_an_expected_event_of_an_empty_log(tmp_path: Path) -> None:
 
 
 def test_an_expected_event_of_a_door(log: sl.DoorLogWriter) -> None:
-    """
-    What happens to other doors does not matter; `last_event` of a replayed door is the number.
-    """
+    """What happens to other doors does not matter."""
     other = log.add_door()
     last = log.replay()[sl.DoorId(1)].last_event
     log.observe(other, "open")
@@ -219,9 +197,7 @@ def test_an_expected_event_of_a_door(log: sl.DoorLogWriter) -> None:
 
 
 def test_a_repeated_command_is_not_judged_again(log: sl.DoorLogWriter) -> None:
-    """
-    It was right when it came first; the log has gone on since, by itself.
-    """
+    """It was right when it came first; the log has gone on since, by itself."""
     log.observe(1, "open", expected_event=1, command_id=ID)
 
     assert log.observe(1, "open", expected_event=1, command_id=ID).repeated
@@ -234,9 +210,7 @@ BY_AN_EARLIER_VERSION = json.loads((GOLDEN / "answers.json").read_text())
 
 @pytest.mark.filterwarnings("ignore::semmap_log.errors.EarlyEventsWarning")
 def test_what_an_earlier_version_stored_is_known_again(tmp_path: Path) -> None:
-    """
-    Each command, by the digest of its words or by its events: the same answer, nothing written.
-    """
+    """Each command, by the digest of its words or by its events."""
     shutil.copytree(GOLDEN, tmp_path / "office")
     before = list(sl.read(tmp_path / "office").commits())
 
@@ -249,9 +223,7 @@ def test_what_an_earlier_version_stored_is_known_again(tmp_path: Path) -> None:
 
 @pytest.mark.filterwarnings("ignore::semmap_log.errors.EarlyEventsWarning")
 def test_the_same_commands_become_the_same_commits(tmp_path: Path) -> None:
-    """
-    As an earlier version wrote them, but for the digest where a command has none, or no id.
-    """
+    """As an earlier version wrote them, but for the digest where a command has none, or no id."""
     entropy = random.Random(18).randbytes
     with sl.create(
         tmp_path / "office", tz="Europe/Vienna", building="office", robot="r1",
@@ -270,9 +242,7 @@ def test_the_same_commands_become_the_same_commits(tmp_path: Path) -> None:
 
 
 def test_a_command_is_asked_nothing_of_a_log_that_was_closed(tmp_path: Path) -> None:
-    """
-    What makes its events may write a file: not where no commit can tell of it.
-    """
+    """What makes its events may write a file: not where no commit can tell of it."""
     asked: list[int] = []
     log = sl.create(tmp_path / "log", tz="UTC")
     log.close()
@@ -283,9 +253,7 @@ def test_a_command_is_asked_nothing_of_a_log_that_was_closed(tmp_path: Path) -> 
 
 
 def test_a_command_may_turn_out_to_want_nothing(log: sl.DoorLogWriter) -> None:
-    """
-    Then nothing is stored, and its id is free.
-    """
+    """Then nothing is stored, and its id is free."""
     before = log.last_event()
 
     assert log.append_made(list, command_id=ID) is None

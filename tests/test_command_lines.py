@@ -11,7 +11,6 @@ import pytest
 from steady_clock import SteadyClock
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorAdded, DoorAnnotated, LevelAdded
 from semmap_log.core.texts import command_line
@@ -19,6 +18,7 @@ from semmap_log.errors import CommandError, CorruptLogError, FormatError, NotALo
 from semmap_log.interop.formats.bags.bag_protocol import own_log
 from semmap_log.interop.importing.importing import import_file
 from tests.marks import marks
+from tests.verbs import run
 
 AWKWARD = 'my robot\'s "log" $HOME; `x` ä'
 START = 1_772_400_000 * 10**9
@@ -28,13 +28,6 @@ def pasted(text: str) -> list[str]:
     """Return the words of the command line that ends a text, as a shell takes them."""
     line = text[text.index("semmap-log ") :].splitlines()[0]
     return shlex.split(line)
-
-
-def run(*arguments: str) -> int:
-    """Return the exit code of a command."""
-    with pytest.raises(SystemExit) as ended:
-        main(list(arguments))
-    return int(ended.value.code or 0)
 
 
 @pytest.fixture
@@ -47,9 +40,7 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_paths_are_quoted_and_are_no_options() -> None:
-    """
-    Words in capitals stay as they are.
-    """
+    """Words in capitals stay as they are."""
     line = command_line("export", Path(AWKWARD), Path("-x"), "OUT.yaml", "--at", "2h ago")
 
     assert ["semmap-log", "export", AWKWARD, "./-x", "OUT.yaml", "--at", "2h ago"] == (
@@ -61,9 +52,7 @@ def test_paths_are_quoted_and_are_no_options() -> None:
 
 
 def test_a_log_that_is_not_there() -> None:
-    """
-    How to make one.
-    """
+    """How to make one."""
     with pytest.raises(NotALogError) as refused:
         sl.read(AWKWARD)
 
@@ -71,9 +60,7 @@ def test_a_log_that_is_not_there() -> None:
 
 
 def test_a_log_that_was_cut(log: Path) -> None:
-    """
-    How to go on; by the mark of what was closed, and by the list of rosbag2.
-    """
+    """How to go on; by the mark of what was closed, and by the list of rosbag2."""
     marks(log)[-1].write_text("{}")
     with pytest.raises(CorruptLogError) as refused:
         sl.read(log)
@@ -83,9 +70,6 @@ def test_a_log_that_was_cut(log: Path) -> None:
 
 
 def test_a_log_whose_end_is_missing(log: Path) -> None:
-    """
-    The same.
-    """
     older = {file: file.read_bytes() for file in log.glob("*.mcap")}
     with sl.append(log) as opened:
         opened.add_door()
@@ -103,9 +87,7 @@ def test_a_log_whose_end_is_missing(log: Path) -> None:
 
 @pytest.mark.usefixtures("terminal")
 def test_verify_and_info_say_what_to_keep(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    In one line, however long the path is.
-    """
+    """In one line, however long the path is."""
     far = Path("a very long way " * 8) / "log"
     far.parent.mkdir()
     shutil.copytree(log, far)
@@ -117,9 +99,6 @@ def test_verify_and_info_say_what_to_keep(log: Path, capsys: pytest.CaptureFixtu
 
 
 def test_verify_says_how_to_recover(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Damage.
-    """
     first = next(log.glob("*.mcap"))
     data = bytearray(first.read_bytes())
     data[len(data) // 2] ^= 1
@@ -130,9 +109,7 @@ def test_verify_says_how_to_recover(log: Path, capsys: pytest.CaptureFixture[str
 
 
 def test_a_round_that_was_not_begun(log: Path) -> None:
-    """
-    How to begin one.
-    """
+    """How to begin one."""
     with sl.append(log) as opened, pytest.raises(CommandError) as refused:
         opened.finish_patrol()
 
@@ -140,9 +117,7 @@ def test_a_round_that_was_not_begun(log: Path) -> None:
 
 
 def test_a_bag_that_is_a_log() -> None:
-    """
-    How to take its events.
-    """
+    """How to take its events."""
     refused = own_log(Path(AWKWARD) / "x_000000.mcap")
 
     assert isinstance(refused, FormatError)
@@ -161,9 +136,7 @@ levels:
 
 
 def test_a_name_of_two_doors(log: Path, tmp_path: Path) -> None:
-    """
-    How to rename one.
-    """
+    """How to rename one."""
     (tmp_path / "x.building.yaml").write_text(BUILDING)
     with sl.append(log) as opened:
         opened.append([LevelAdded(level=1, name="L1")])
@@ -182,9 +155,7 @@ def test_a_name_of_two_doors(log: Path, tmp_path: Path) -> None:
 def test_the_demo_says_what_to_type(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Each line names the log that it made.
-    """
+    """Each line names the log that it made."""
     monkeypatch.chdir(tmp_path)
     assert 0 == run("demo", AWKWARD)
 
@@ -197,9 +168,7 @@ def test_the_demo_says_what_to_type(
 
 
 def test_no_message_tells_a_line_by_hand() -> None:
-    """
-    A verb behind the program's name in a text is that of a docstring: all others go through here.
-    """
+    """A verb behind the program's name in a text is that of a docstring."""
     package = Path(sl.__file__).parent
     by_hand = re.compile(r'f?"[^"\n]*semmap-log [a-z-]+ (LOG|\{)')
     found = [

@@ -54,9 +54,7 @@ def _summary_being_read(path: Path, patch: pytest.MonkeyPatch) -> Iterator[None]
 def test_one_log_is_read_while_another_is_being_opened(
     logs: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Threads wait for nothing that belongs to other objects.
-    """
+    """Threads wait for nothing that belongs to other objects."""
     doors: list[int] = []
     other = threading.Thread(target=lambda: doors.append(len(sl.read(logs[1]).replay().doors)))
     with _summary_being_read(logs[0], monkeypatch):
@@ -73,9 +71,7 @@ def test_one_log_is_read_while_another_is_being_opened(
 def test_a_forked_child_reads_what_a_thread_was_reading(
     logs: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The thread is not in the child, and so nothing of it may be waited for.
-    """
+    """The thread is not in the child, and so nothing of it may be waited for."""
     with _summary_being_read(logs[0], monkeypatch):
         child = os.fork()
         if not child:

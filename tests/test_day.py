@@ -20,9 +20,7 @@ OFFICE = Path(__file__).parents[1] / "recordings" / "office"
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_half_hour_all_open_is_open_in_replays(seed: int, tmp_path: Path) -> None:
-    """
-    At moments drawn from each half hour in which a door was all the time open, or closed.
-    """
+    """At moments drawn from each half hour in which a door was all the time open, or closed."""
     dice = random.Random(seed)
     log = sl.read(OFFICE) if seed == 0 else _random(tmp_path / "log", dice)
     checked = 0
@@ -54,9 +52,7 @@ def _random(folder: Path, dice: random.Random) -> sl.DoorLog:
 def test_a_day_is_as_long_as_its_clocks_say(
     date: str, slots: int, tmp_path: Path, clock: SteadyClock
 ) -> None:
-    """
-    From midnight to midnight: 23 hours when the clocks go forward, 25 when they go back.
-    """
+    """From midnight to midnight: 23 hours when the clocks go forward, 25 when they go back."""
     with sl.create(tmp_path / "log", tz="Europe/Vienna", clock=clock) as log:
         door = log.add_door(state="open", at="2026-03-01T12:00+01:00")
         log.observe(door, "closed", at="2026-03-02T12:00+01:00")
@@ -70,9 +66,7 @@ def test_a_day_is_as_long_as_its_clocks_say(
 
 @pytest.mark.parametrize("tz", ["UTC", "America/New_York", "Pacific/Auckland"])
 def test_the_first_day_of_all_times_is_a_day(tz: str, tmp_path: Path) -> None:
-    """
-    A robot whose clock was never set: its midnights are nanoseconds, few or below 0, not seconds.
-    """
+    """A robot whose clock was never set: its midnights are nanoseconds, few or below 0."""
     with sl.create(tmp_path / "log", tz=tz, clock=SteadyClock(10**9)) as log:
         log.observe(log.add_door(state="closed"), "open")
 
@@ -84,10 +78,7 @@ def test_the_first_day_of_all_times_is_a_day(tz: str, tmp_path: Path) -> None:
 
 
 def test_before_and_after_what_is_known(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    Before its adding and after the log's end a door is not there; on an empty day there is none.
-    A sighting of a door that was looked at twice holds for three hours.
-    """
+    """Before its adding and after the log's end a door is not there."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         door = log.add_door(state="unknown", at="2026-02-27T06:00")
         log.observe(door, "open", at="2026-02-27T12:15")
@@ -104,9 +95,7 @@ def test_before_and_after_what_is_known(tmp_path: Path, clock: SteadyClock) -> N
 
 
 def test_the_last_day_is_that_of_the_last_report(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    Not that of a place or a note which somebody added to an old log.
-    """
+    """Not that of a place or a note which somebody added to an old log."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         door = log.add_door(state="closed", at="2026-02-20T06:00")
         log.observe(door, "open", at="2026-02-20T12:00")
@@ -120,9 +109,7 @@ def test_the_last_day_is_that_of_the_last_report(tmp_path: Path, clock: SteadyCl
 
 
 def test_a_day_begins_as_the_one_before_ended(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    A door that was opened yesterday is open from midnight on, until somebody closes it.
-    """
+    """A door that was opened yesterday is open from midnight on, until somebody closes it."""
     with sl.create(tmp_path / "log", tz="UTC", holds=0, clock=clock) as log:
         door = log.add_door(state="open", at="2026-02-26T06:00")
         log.observe(door, "closed", at="2026-02-27T12:00")

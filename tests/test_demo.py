@@ -14,9 +14,7 @@ from semmap_log.errors import LogExistsError
 
 
 def test_it_records_what_the_recording_holds(tmp_path: Path) -> None:
-    """
-    The new log knows the same, at the same times, as the recording without its retracted event.
-    """
+    """The new log knows the same, at the same times."""
     made = run_demo(tmp_path / "demo")
     source, log = sl.read(shipped_recording("office")), sl.read(made.log)
 
@@ -34,9 +32,7 @@ def test_it_records_what_the_recording_holds(tmp_path: Path) -> None:
 
 
 def test_it_says_what_it_does_not_know(tmp_path: Path) -> None:
-    """
-    In the middle, one door is held open, one was just seen, and one not for two hours: UNKNOWN.
-    """
+    """In the middle, one door is held open, one was just seen, and one not for two hours."""
     made = run_demo(tmp_path / "demo")
 
     main, coe, hardware = made.beliefs
@@ -46,10 +42,7 @@ def test_it_says_what_it_does_not_know(tmp_path: Path) -> None:
 
 
 def test_it_sees_doors_by_laser_and_tells_the_truth_beside(tmp_path: Path) -> None:
-    """
-    Of the shipped bag: passages as often as the truth has them; where the door stood still it was
-    as said; where it moved, that is told.
-    """
+    """Of the shipped bag: passages as often as the truth has them."""
     seen = run_demo(tmp_path / "demo").seen
     truth = json.loads((shipped_recording("office").parent / "office_scans.truth.json").read_text())
 
@@ -75,9 +68,7 @@ def test_it_sees_doors_by_laser_and_tells_the_truth_beside(tmp_path: Path) -> No
     ],
 )
 def test_truth_of_a_while(from_s: float, to_s: float, told: str) -> None:
-    """
-    How a door stood over a while, moves left out.
-    """
+    """How a door stood over a while, moves left out."""
     rows = [
         {"from_s": 0.0, "state": "OPEN"},
         {"from_s": 10.0, "state": "MOVING"},
@@ -92,9 +83,7 @@ def test_truth_of_a_while(from_s: float, to_s: float, told: str) -> None:
 def test_it_runs_twice_and_writes_over_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    A second run takes another folder; a folder that is named must be free.
-    """
+    """A second run takes another folder; a folder that is named must be free."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.argv", ["semmap-log"])
     for _ in range(2):

@@ -11,9 +11,7 @@ from semmap_log.core.batches.event_batch import distinct
 
 @given(st.lists(st.integers(0, 40)), st.sampled_from(["u1", "u2", "u4", "i8"]))
 def test_they_are_those_that_numpy_finds(numbers: list[int], dtype: str) -> None:
-    """
-    As many, of the same type, in the same order; of no numbers none.
-    """
+    """As many, of the same type, in the same order; of no numbers none."""
     column = np.array(numbers, dtype)
 
     found = distinct(column)

@@ -27,9 +27,7 @@ def log_of(path: Path, *doors: tuple[int, str | None]) -> sl.DoorLog:
 
 
 def test_a_name_that_several_bear_has_its_level_before_it(tmp_path: Path) -> None:
-    """
-    As commands take it; the id behind it where even that is not enough. Other names stay plain.
-    """
+    """As commands take it; the id behind it where even that is not enough."""
     log = log_of(
         tmp_path / "log",
         (1, "front"),
@@ -49,9 +47,7 @@ def test_a_name_that_several_bear_has_its_level_before_it(tmp_path: Path) -> Non
 
 
 def test_a_log_names_removed_doors_too(tmp_path: Path) -> None:
-    """
-    A removed door's name makes no other one ambiguous: it is not in the map.
-    """
+    """A removed door's name makes no other one ambiguous: it is not in the map."""
     log_of(tmp_path / "log", (1, "front"), (2, "front"))
     with sl.append(tmp_path / "log") as log:
         log.remove_door(2)
@@ -60,9 +56,7 @@ def test_a_log_names_removed_doors_too(tmp_path: Path) -> None:
 
 
 def test_warnings_say_which_of_two_doors_is_meant(tmp_path: Path) -> None:
-    """
-    Of probabilities that cannot be, and of events that came before their door.
-    """
+    """Of probabilities that cannot be, and of events that came before their door."""
     log = log_of(tmp_path / "log", (1, "front"), (2, "front"))
 
     said = log.summary().warnings
@@ -77,9 +71,7 @@ def test_warnings_say_which_of_two_doors_is_meant(tmp_path: Path) -> None:
 def test_what_is_left_out_is_told_apart(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: list[str]
 ) -> None:
-    """
-    Doors without a place, on two levels.
-    """
+    """Doors without a place, on two levels."""
     log_of(tmp_path / "log", (1, "front"), (2, "front"))
     with sl.append(tmp_path / "log") as log:
         log.add_door(level=1, x=1.0, y=1.0, theta=0.0, width=1.0)
@@ -96,9 +88,7 @@ def test_what_is_left_out_is_told_apart(
 def test_notes_below_probabilities_tell_doors_apart(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Which of the two was never seen.
-    """
+    """Which of the two was never seen."""
     log_of(tmp_path / "log", (1, "front"), (2, "front"))
     with sl.append(tmp_path / "log") as log:
         log.observe(1, "open")

@@ -59,18 +59,14 @@ def _of(door: DoorId, log: sl.DoorLog) -> tuple[Any, ...]:
 
 
 def test_all_that_is_said_of_it_is_answered_as_of_any_door(log: sl.DoorLogWriter) -> None:
-    """
-    Its state, history, changes, events and timeline are those of another door told the same.
-    """
+    """Its state, history, changes, events and timeline are those of another door told the same."""
     assert ("door-0", DoorState.OPEN) == (log.replay()[ZERO].name, log.replay()[ZERO].state)
     assert _of(TWIN, log) == _of(ZERO, log)
     assert {0, 7} == {int(e.event.door_id) for e in log.history() if isinstance(e.event, DoorEvent)}
 
 
 def test_a_keyframe_and_a_compacted_log_hold_it(log: sl.DoorLogWriter) -> None:
-    """
-    What a robot does behind the keyframe is none of its events.
-    """
+    """What a robot does behind the keyframe is none of its events."""
     before = _of(ZERO, log)
     log.close()
     compact(log.path)
@@ -87,9 +83,7 @@ def test_a_keyframe_and_a_compacted_log_hold_it(log: sl.DoorLogWriter) -> None:
 
 
 def test_what_is_about_no_door_is_not_about_it(log: sl.DoorLogWriter) -> None:
-    """
-    Chosen doors bring their own events, and excerpts those about none besides.
-    """
+    """Chosen doors bring their own events, and excerpts those about none besides."""
     log.retract(0)  # a round's start
     log.retract(next(e.number for e in log.history(ZERO)))
     excerpt = Excerpt(log, None, None, frozenset({TWIN}))
@@ -103,9 +97,7 @@ def test_what_is_about_no_door_is_not_about_it(log: sl.DoorLogWriter) -> None:
 
 
 def test_ids_are_given_from_1_on_all_the_same(log: sl.DoorLogWriter, tmp_path: Path) -> None:
-    """
-    0 comes from outside only.
-    """
+    """0 comes from outside only."""
     with sl.create(tmp_path / "another", tz="UTC") as another:
         another.add_door(door_id=ZERO)
 
@@ -115,9 +107,7 @@ def test_ids_are_given_from_1_on_all_the_same(log: sl.DoorLogWriter, tmp_path: P
 
 @pytest.mark.parametrize("door", [ZERO, "0", "id:0"])
 def test_who_counts_from_0_is_told_where_ids_begin(door: DoorId | str, tmp_path: Path) -> None:
-    """
-    Of a log whose doors did not come from the thesis.
-    """
+    """Of a log whose doors did not come from the thesis."""
     with sl.create(tmp_path / "another", tz="UTC") as another:
         another.add_door()
 
@@ -128,9 +118,7 @@ def test_who_counts_from_0_is_told_where_ids_begin(door: DoorId | str, tmp_path:
 def test_a_name_is_shown_of_its_own_events_alone(
     log: sl.DoorLogWriter, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    `show` of a round names no door.
-    """
+    """`show` of a round names no door."""
     log.close()
 
     run(log.path, 0)
@@ -142,9 +130,7 @@ def test_a_name_is_shown_of_its_own_events_alone(
 
 
 def test_its_name_and_level_in_a_table_are_its_own(log: sl.DoorLogWriter) -> None:
-    """
-    What is about no door has neither of them, though its column of doors holds a 0.
-    """
+    """What is about no door has neither of them, though its column of doors holds a 0."""
     rows = log.to_arrow(columns=["kind", "door_id", "door_name", "level_name"]).to_pylist()
 
     told = {(row["kind"], row["door_id"], row["door_name"], row["level_name"]) for row in rows}

@@ -34,9 +34,7 @@ FIXED = [kind for kind in KINDS if kind.kind not in OBJECT_KINDS]
 
 
 def test_columns_become_events() -> None:
-    """
-    One value stands for all rows, what is left out has the event's default.
-    """
+    """One value stands for all rows, what is left out has the event's default."""
     batch = EventBatch.of(
         DoorObserved,
         door_id=[1, 2, 3],
@@ -53,9 +51,7 @@ def test_columns_become_events() -> None:
 
 
 def test_single_values_are_one_event() -> None:
-    """
-    And the time that is not given is not made up.
-    """
+    """And the time that is not given is not made up."""
     batch = EventBatch.of(DoorPassed, door_id=7, passed=True, waited_s=1.5)
 
     assert [DoorPassed(door_id=DoorId(7), passed=True, waited_s=1.5)] == [r.event for r in batch]
@@ -67,9 +63,7 @@ def test_single_values_are_one_event() -> None:
 @settings(deadline=None)
 @given(st.lists(events, max_size=20), st.data())
 def test_events_become_columns_and_events_again(drawn: list[Event], data: st.DataObject) -> None:
-    """
-    Of every kind, with and without a time; and a batch falls into parts as the events do.
-    """
+    """Of every kind, with and without a time; and a batch falls into parts as the events do."""
     given_events = [
         replace(event, happened_ns=None) if data.draw(st.booleans()) else event for event in drawn
     ]
@@ -118,17 +112,13 @@ def test_events_become_columns_and_events_again(drawn: list[Event], data: st.Dat
     ],
 )  # fmt: skip
 def test_what_no_event_can_have_is_refused(columns: dict[str, Any], message: str) -> None:
-    """
-    Nothing wraps, nothing is cut; the message says which row.
-    """
+    """Nothing wraps, nothing is cut; the message says which row."""
     with pytest.raises(InvalidEventError, match=message):
         EventBatch.of(DoorObserved, **columns)
 
 
 def test_kinds_with_texts_are_no_columns() -> None:
-    """
-    They come as events.
-    """
+    """They come as events."""
     with pytest.raises(InvalidEventError, match="expected a kind without texts"):
         EventBatch.of(DoorAnnotated, door_id=1)
 
@@ -163,9 +153,7 @@ def _refusal(kind: type[Event], row: Any) -> str:
 @settings(max_examples=400, deadline=None)
 @given(st.sampled_from(FIXED), st.integers(1, 3), st.data())
 def test_rows_are_refused_as_events_are(kind: type[Event], count: int, data: st.DataObject) -> None:
-    """
-    Whatever the values: rows pass where events can be made of them, else the first is named.
-    """
+    """Whatever the values: rows pass where events can be made of them, else the first is named."""
     rows = np.concatenate([_raw(data, kind) for _ in range(count)])
     said = [_refusal(kind, row) for row in rows]
     refused = next((f"row {i}: {text}" for i, text in enumerate(said) if text), None)
@@ -201,17 +189,13 @@ def _batch(**other: Any) -> EventBatch:
     ],
 )  # fmt: skip
 def test_columns_that_do_not_fit_each_other_are_refused(batch: EventBatch, message: str) -> None:
-    """
-    A batch can be put together by hand, too.
-    """
+    """A batch can be put together by hand, too."""
     with pytest.raises(InvalidEventError, match=message):
         batch.check()
 
 
 def test_defaults_are_those_of_the_event() -> None:
-    """
-    Also where the default is no number that a column of integers could hold.
-    """
+    """Also where the default is no number that a column of integers could hold."""
     batch = EventBatch.of(DoorUpdated, door_id=[1], changed=Changed.STATE, state=DoorState.MOVING)
     added = EventBatch.of(DoorAdded, door_id=[1, 2])
 
@@ -221,9 +205,7 @@ def test_defaults_are_those_of_the_event() -> None:
 
 
 def test_batches_of_one_kind_can_be_mixed() -> None:
-    """
-    In any order, each kind's events in their own.
-    """
+    """In any order, each kind's events in their own."""
     seen = EventBatch.of(DoorObserved, door_id=[1, 2], state=1, happened_ns=[10, 30])
     passed = EventBatch.of(DoorPassed, door_id=3, passed=True, happened_ns=20)
 
@@ -235,9 +217,7 @@ def test_batches_of_one_kind_can_be_mixed() -> None:
 
 @pytest.mark.parametrize("kinds", [[4, 4], [4, 4, 6, 6], [4, 4, 6, 5], [4, 6, 6]])
 def test_what_is_mixed_must_be_all_there(kinds: list[int]) -> None:
-    """
-    No event left out, none made up.
-    """
+    """No event left out, none made up."""
     seen = EventBatch.of(DoorObserved, door_id=[1, 2], state=1)
     passed = EventBatch.of(DoorPassed, door_id=3, passed=True)
 
@@ -254,9 +234,7 @@ def stored(kind: type[Event], rows: np.ndarray[Any, Any]) -> EventBatch:
 
 
 def test_what_no_event_can_hold_is_refused_when_it_comes() -> None:
-    """
-    Those before it come; a state of a later version is UNKNOWN.
-    """
+    """Those before it come; a state of a later version is UNKNOWN."""
     rows = (
         EventBatch.of(DoorObserved, door_id=[1, 2, 3], state=[1, 2, 1])
         .columns[DoorObserved.kind]
@@ -273,9 +251,7 @@ def test_what_no_event_can_hold_is_refused_when_it_comes() -> None:
 
 @given(st.lists(fixed_size, min_size=1, max_size=20))
 def test_events_made_at_once_are_those_made_one_by_one(told: list[Event]) -> None:
-    """
-    Equal in every field, whatever their kinds.
-    """
+    """Equal in every field, whatever their kinds."""
     batch = EventBatch.from_events(told)
 
     assert [repr(event) for event in told] == [repr(row.event) for row in batch]

@@ -24,16 +24,12 @@ from semmap_log.interop.topics.topic_reader import Known
     ],
 )
 def test_the_next_id_is_behind_the_greatest_while_there_is_one(used: set[int], given: int) -> None:
-    """
-    Then the lowest that was never given; never 0, never one twice.
-    """
+    """Then the lowest that was never given; never 0, never one twice."""
     assert given == next_door_id(used, max(used, default=0))
 
 
 def test_one_great_id_does_not_end_the_adding(tmp_path: Path) -> None:
-    """
-    By each way in which a door gets its id; those of removed doors are not free.
-    """
+    """By each way in which a door gets its id; those of removed doors are not free."""
     (tmp_path / "lines.jsonl").write_text('{"kind": "DoorAdded"}\n{"kind": "DoorAdded"}\n')
     (tmp_path / "seen.csv").write_text(
         "timestamp,door,state\n2026-03-01T08:00,a,OPEN\n2026-03-01T09:00,b,OPEN\n"

@@ -30,9 +30,7 @@ def log(tmp_path: Path, clock: SteadyClock) -> sl.DoorLogWriter:
 
 
 def test_a_single_sighting_is_warned_of_at_once(log: sl.DoorLogWriter) -> None:
-    """
-    With its time; the next ones again when they are ten times as many, and at the end.
-    """
+    """With its time; the next ones again when they are ten times as many, and at the end."""
     with pytest.warns(FutureTimesWarning, match="^1 event happens in the future, at 2036-01-01"):
         log.observe("front", "open", at=LATER)
     with warnings.catch_warnings():
@@ -45,9 +43,7 @@ def test_a_single_sighting_is_warned_of_at_once(log: sl.DoorLogWriter) -> None:
 
 
 def test_a_minute_is_no_time_to_come(log: sl.DoorLogWriter, clock: SteadyClock) -> None:
-    """
-    Clocks of two machines differ; what is past, or says no time, is fine.
-    """
+    """Clocks of two machines differ; what is past, or says no time, is fine."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", FutureTimesWarning)
         log.observe("front", "open", at=clock.now_ns + MINUTE_NS)
@@ -57,9 +53,7 @@ def test_a_minute_is_no_time_to_come(log: sl.DoorLogWriter, clock: SteadyClock) 
 
 
 def test_many_at_once_are_counted(log: sl.DoorLogWriter, clock: SteadyClock) -> None:
-    """
-    Events and batches of them, in one commit.
-    """
+    """Events and batches of them, in one commit."""
     times = [clock.now_ns + hours * 60 * MINUTE_NS for hours in (-1, 1, 2)]
     batch = EventBatch.of(
         DoorObserved, door_id=[1, 1, 1], state=[1, 2, 1], happened_ns=times,
@@ -72,9 +66,7 @@ def test_many_at_once_are_counted(log: sl.DoorLogWriter, clock: SteadyClock) -> 
 
 
 def test_an_import_is_warned_of(log: sl.DoorLogWriter, tmp_path: Path) -> None:
-    """
-    A year that was typed wrong.
-    """
+    """A year that was typed wrong."""
     (tmp_path / "x.csv").write_text(f"timestamp,door,state\n{LATER},front,open\n")
 
     with pytest.warns(FutureTimesWarning, match="^1 event happens"):
@@ -83,9 +75,7 @@ def test_an_import_is_warned_of(log: sl.DoorLogWriter, tmp_path: Path) -> None:
 
 
 def test_verbs_say_it_on_stderr(tmp_path: Path) -> None:
-    """
-    `observe --at` and `record`; what was asked for is done.
-    """
+    """`observe --at` and `record`; what was asked for is done."""
     log = str(tmp_path / "log")
     with sl.create(log, tz="UTC") as writing:
         writing.add_door(name="front", at="2026-02-01")

@@ -19,6 +19,7 @@ import pytest
 from make_golden import in_log, main, said
 
 import semmap_log as sl
+from semmap_log.live.oprs.oprs_package import MADE
 from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION
 from semmap_log.store.reading.segment_scan import open_segment
 from tests.store.logs import segment_files
@@ -58,9 +59,7 @@ def differences(found: Any, expected: Any, where: str = "") -> list[str]:
 
 
 def test_this_version_of_the_form_has_a_golden_log() -> None:
-    """
-    Who adds to the form makes one.
-    """
+    """Who adds to the form makes one."""
     name = f"format_{FORMAT_VERSION}_{FORMAT_MINOR}"
     assert name in [form.name for form in FORMS]
 
@@ -68,9 +67,7 @@ def test_this_version_of_the_form_has_a_golden_log() -> None:
 def test_a_golden_log_is_never_made_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    What is there is refused, and left as it is.
-    """
+    """What is there is refused, and left as it is."""
     there = tmp_path / f"format_{FORMAT_VERSION}_{FORMAT_MINOR}"
     there.mkdir()
     monkeypatch.setattr("sys.argv", ["make_golden.py", "--out", str(tmp_path)])
@@ -83,10 +80,7 @@ def test_a_golden_log_is_never_made_again(
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.name)
 def test_it_answers_as_it_did(form: Path, way: str, tmp_path: Path) -> None:
-    """
-    Doors at many moments, by all that is known and by what was known then; histories, differences,
-    costs of cells, the events as lines, and the hash of the last commit.
-    """
+    """Doors at many moments, by all that is known and by what was known then."""
     log = copied(form, way, tmp_path)
 
     for one in json.loads((form / "answers.json").read_text("utf-8")):
@@ -97,10 +91,7 @@ def test_it_answers_as_it_did(form: Path, way: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.name)
 def test_it_is_continued(form: Path, way: str, tmp_path: Path) -> None:
-    """
-    Today's program writes on, under a head of its own version: the bytes of all commits stay, and
-    what was asked of a number before is answered as before.
-    """
+    """Today's program writes on, under a head of its own version."""
     log = copied(form, way, tmp_path)
     segment = segment_files(log)[-1]
     written = form / "live" / "office" / segment.name
@@ -121,23 +112,45 @@ def test_it_is_continued(form: Path, way: str, tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with what the wheel installs."""
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the wheel as pip builds it from this checkout."""
     folder = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(folder), "."]
     subprocess.run(command, cwd=ROOT, check=True, timeout=300)
     (wheel,) = folder.glob("semmap_log-*.whl")
+    return wheel
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path) -> Path:
+    """Return a folder with what the wheel installs."""
     with zipfile.ZipFile(wheel) as packed:
-        packed.extractall(folder / "site")
-    return folder / "site"
+        packed.extractall(wheel.parent / "site")
+    return wheel.parent / "site"
+
+
+@pytest.mark.slow
+def test_all_that_robots_get_is_in_the_wheel(wheel: Path) -> None:
+    """The ROS package and the module for OpenPRS, every file; scripts can be run."""
+    with zipfile.ZipFile(wheel) as packed:
+        modes = {entry.filename: entry.external_attr >> 16 for entry in packed.infolist()}
+    live = ROOT / "semmap_log" / "live"
+    names = [
+        path.relative_to(ROOT).as_posix()
+        for folder in (live / "robot_files", live / "oprs" / "semantic_map_oprs")
+        for path in folder.rglob("*")
+        if path.is_file() and not any(path.match(made) for made in (*MADE, "*.pyc"))
+    ]
+
+    assert len(names) > 50
+    assert [] == [name for name in names if name not in modes]
+    assert all(modes[name] & 0o111 for name in names if "/scripts/" in name)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.name)
 def test_the_wheel_answers_as_well(form: Path, installed: Path, tmp_path: Path) -> None:
-    """
-    What people install, not the checkout that it was built from.
-    """
+    """What people install, not the checkout that it was built from."""
     log, answers = copied(form, "closed", tmp_path), form / "answers.json"
 
     done = subprocess.run(

@@ -17,12 +17,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorObserved, DoorUpdated, LevelAdded
-from semmap_log.errors import (
-    DoorExistsError,
-    DoorRemovedError,
-    FormatError,
-    UnknownLevelError,
-)
+from semmap_log.errors import DoorExistsError, DoorRemovedError, FormatError, UnknownLevelError
 from semmap_log.interop.exporting.log_files import export
 from semmap_log.interop.importing.importing import ImportOptions, import_file
 
@@ -70,9 +65,7 @@ SETS = {
 def test_the_log_agrees_with_the_csv_at_random_moments(
     name: str, shared_data: Path, tmp_path: Path
 ) -> None:
-    """
-    1,000 moments: between rows, exactly on rows, on starts and ends of windows, and a ns before.
-    """
+    """1,000 moments: between rows, exactly on rows, on starts and ends of windows."""
     zone, count = SETS[name]
     folder = shared_data / "doors" / name
     truth = Csv(folder, zone)
@@ -117,9 +110,7 @@ def _state_at(timeline: list[tuple[int, str]], ns: int) -> str | None:
 
 @pytest.mark.slow
 def test_the_workshop_is_open_a_fifth_of_its_known_time(shared_data: Path, tmp_path: Path) -> None:
-    """
-    The published figure, from the log: 0.179 of the time in which the state is known.
-    """
+    """The published figure, from the log: 0.179 of the time in which the state is known."""
     folder = shared_data / "doors" / "workshop_3y"
     with sl.create(tmp_path / "log", tz="Europe/Oslo") as log:
         options = ImportOptions(windows=folder / "obs_windows.csv")
@@ -134,9 +125,7 @@ def test_the_workshop_is_open_a_fifth_of_its_known_time(shared_data: Path, tmp_p
 
 
 def test_every_name_of_every_script_is_kept(shared_data: Path, tmp_path: Path) -> None:
-    """
-    142 doors with slashes, spaces and letters beyond ASCII; each is found by its name.
-    """
+    """142 doors with slashes, spaces and letters beyond ASCII; each is found by its name."""
     folder = shared_data / "doors" / "spaces_polled"
     truth = Csv(folder, "UTC")
     with sl.create(tmp_path / "log", tz="UTC") as log:
@@ -154,9 +143,7 @@ def test_every_name_of_every_script_is_kept(shared_data: Path, tmp_path: Path) -
 def test_buildings_come_with_names_levels_and_floor_plans(
     building: str, doors: int, levels: int, shared_data: Path, tmp_path: Path
 ) -> None:
-    """
-    Every door placed, named, on a level that has a floor plan; points that name no room are said.
-    """
+    """Every door placed, named, on a level that has a floor plan."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         imported = import_file(log, shared_data / "maps" / f"{building}.building.yaml")
         door_map = log.replay()
@@ -169,9 +156,7 @@ def test_buildings_come_with_names_levels_and_floor_plans(
 
 
 def test_a_level_that_is_not_there_is_named(shared_data: Path, tmp_path: Path) -> None:
-    """
-    The message says which levels there are; nothing is written.
-    """
+    """The message says which levels there are; nothing is written."""
     file = shared_data / "maps" / "rmf_hotel" / "hotel.building.yaml"
     with sl.create(tmp_path / "log", tz="UTC") as log:
         with pytest.raises(FormatError, match=r"L1, L2, L3; got .L9"):
@@ -181,9 +166,7 @@ def test_a_level_that_is_not_there_is_named(shared_data: Path, tmp_path: Path) -
 
 
 def test_all_of_a_file_or_nothing(tmp_path: Path) -> None:
-    """
-    One bad row at the end of a CSV: no event of it is in the log.
-    """
+    """One bad row at the end of a CSV: no event of it is in the log."""
     file = tmp_path / "doors.csv"
     good = "".join(f"2026-03-01T{h:02}:00,front,OPEN\n" for h in range(24))
     file.write_text(f"timestamp,door,state\n{good}2026-03-02T00:00,front,AJAR\n")
@@ -196,10 +179,7 @@ def test_all_of_a_file_or_nothing(tmp_path: Path) -> None:
 
 
 def test_ids_that_are_taken_or_gone(tmp_path: Path) -> None:
-    """
-    Other values: an error unless --update; a removed id: an error unless --renumber, or --update,
-    which brings the door back, on its own level.
-    """
+    """Other values: an error unless --update."""
     file = tmp_path / "doors.yaml"
     entry = "{}:\n  position: {{x: 1, y: 2, theta: 0}}\n  width: 1\n  status: OPEN\n"
     file.write_text(entry.format(1) + entry.format(2))
@@ -227,9 +207,7 @@ def test_ids_that_are_taken_or_gone(tmp_path: Path) -> None:
 
 
 def test_a_yaml_of_a_building_with_levels_comes_back(shared_data: Path, tmp_path: Path) -> None:
-    """
-    The thesis's format has no levels: doors that are there stay on theirs; new ones need a word.
-    """
+    """The thesis's format has no levels: doors that are there stay on theirs."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         import_file(log, shared_data / "maps" / "rmf_hotel" / "hotel.building.yaml")
         export(log, tmp_path / "hotel.yaml", default_prob=0.5)

@@ -75,33 +75,19 @@ WAYS: dict[str, Callable[[sl.DoorLogWriter], object]] = {
 }
 
 
+@pytest.mark.parametrize(("names", "level"), [(["L1"], 1), ([], 0)])
 @pytest.mark.parametrize("way", WAYS)
-def test_the_only_level_is_meant(tmp_path: Path, way: str) -> None:
-    """
-    Whatever comes without a level is on the log's, which a building's import calls 1.
-    """
-    with new_log(tmp_path, "L1") as log:
+def test_the_only_level_is_meant(tmp_path: Path, way: str, names: list[str], level: int) -> None:
+    """A building's import calls it 1; before there are any it is 0."""
+    with new_log(tmp_path, *names) as log:
         WAYS[way](log)
 
-    assert [1] == levels_in(sl.read(tmp_path / "log"))
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_a_log_without_levels_has_level_0(tmp_path: Path, way: str) -> None:
-    """
-    As before there were any.
-    """
-    with new_log(tmp_path) as log:
-        WAYS[way](log)
-
-    assert [0] == levels_in(sl.read(tmp_path / "log"))
+    assert [level] == levels_in(sl.read(tmp_path / "log"))
 
 
 @pytest.mark.parametrize("way", WAYS)
 def test_of_several_levels_one_must_be_told(tmp_path: Path, way: str) -> None:
-    """
-    The message names them, and how to tell; nothing is written.
-    """
+    """The message names them, and how to tell; nothing is written."""
     with new_log(tmp_path, "L1", "L2") as log, pytest.raises(UnknownLevelError, match=SEVERAL):
         WAYS[way](log)
 
@@ -110,9 +96,7 @@ def test_of_several_levels_one_must_be_told(tmp_path: Path, way: str) -> None:
 
 @pytest.mark.parametrize("level", [np.int64(2), np.uint8(2), np.int32(2)])
 def test_a_number_out_of_an_array_is_a_number(tmp_path: Path, level: int) -> None:
-    """
-    As those of a table of pandas or numpy are.
-    """
+    """As those of a table of pandas or numpy are."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.append([LevelAdded(level=1, name="L1"), LevelAdded(level=2, name="L2")])
         door = log.add_door(**PLACE, level=level)
@@ -125,9 +109,7 @@ def test_a_number_out_of_an_array_is_a_number(tmp_path: Path, level: int) -> Non
 
 @pytest.mark.parametrize("level", [2.0, math.nan, np.float64(1), b"L1", True, [1]])
 def test_what_is_no_level_is_refused(tmp_path: Path, level: Any) -> None:
-    """
-    It is not taken for one that was not told.
-    """
+    """It is not taken for one that was not told."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.append([LevelAdded(level=1, name="L1")])
         with pytest.raises(InvalidEventError, match="level: expected a whole number from 0"):
@@ -135,9 +117,7 @@ def test_what_is_no_level_is_refused(tmp_path: Path, level: Any) -> None:
 
 
 def test_waiting_poses_are_put_on_the_level_at_once(tmp_path: Path) -> None:
-    """
-    Not when they are written: who adds a level meanwhile changes nothing.
-    """
+    """Not when they are written: who adds a level meanwhile changes nothing."""
     with new_log(tmp_path, "L1") as log:
         log.robot_pose(RobotPose(**POSE))
         log.append([LevelAdded(level=2, name="L2")])
@@ -148,9 +128,7 @@ def test_waiting_poses_are_put_on_the_level_at_once(tmp_path: Path) -> None:
 
 
 def test_what_comes_before_in_the_same_commit_counts(tmp_path: Path) -> None:
-    """
-    Events one by one, and as a batch.
-    """
+    """Events one by one, and as a batch."""
     events = [LevelAdded(level=3, name="L3"), DoorAdded(door_id=DoorId(1), **PLACE),
               RobotPose(**POSE)]  # fmt: skip
     with new_log(tmp_path) as log:
@@ -163,9 +141,7 @@ def test_what_comes_before_in_the_same_commit_counts(tmp_path: Path) -> None:
 
 
 def test_a_door_stays_on_its_level(tmp_path: Path) -> None:
-    """
-    A new position without a level is on the one where the door is, be there several.
-    """
+    """A new position without a level is on the one where the door is, be there several."""
     moved = DoorUpdated(door_id=DoorId(1), changed=Changed.POSE, **POSE)
     assert not is_given(moved.level)
     with new_log(tmp_path, "L1", "L2") as log:
@@ -183,9 +159,7 @@ def test_a_door_stays_on_its_level(tmp_path: Path) -> None:
 
 
 def test_a_late_move_does_not_count_for_what_follows(tmp_path: Path) -> None:
-    """
-    A door was put on another level, but before it came to where it is now.
-    """
+    """A door was put on another level, but before it came to where it is now."""
     with new_log(tmp_path, "L1", "L2") as log:
         door = log.add_door(**PLACE, level=1, at=START - 3)
         log.update_door(door, level=2, x=5.0, at=START - 1)
@@ -196,9 +170,7 @@ def test_a_late_move_does_not_count_for_what_follows(tmp_path: Path) -> None:
 
 
 def test_levels_are_told_by_name_too(tmp_path: Path) -> None:
-    """
-    A name before a number: people see names.
-    """
+    """A name before a number: people see names."""
     with new_log(tmp_path, "0", "1", "attic") as log:
         given = ["1", "attic", 1, "3", "0"]
         doors = [log.add_door(level=level) for level in given]
@@ -210,9 +182,6 @@ def test_levels_are_told_by_name_too(tmp_path: Path) -> None:
 
 
 def test_a_name_that_two_levels_bear_means_neither(tmp_path: Path) -> None:
-    """
-    Their numbers do.
-    """
     with new_log(tmp_path, "L", "L") as log:
         said = r"the name of 2 levels: .* number:1 or number:2"
         with pytest.raises(UnknownLevelError, match=said):
@@ -222,9 +191,7 @@ def test_a_name_that_two_levels_bear_means_neither(tmp_path: Path) -> None:
 
 
 def test_a_name_that_is_the_number_of_another_level_is_told(tmp_path: Path) -> None:
-    """
-    As in a house whose ground floor is called 0, and numbered 1: the name counts, not in silence.
-    """
+    """As in a house whose ground floor is called 0, and numbered 1."""
     with new_log(tmp_path, "0", "1") as log:
         with pytest.warns(LevelNameWarning, match=r"name, 2 \(1\); level 1 \(0\) is number:1$"):
             door = log.add_door(level="1")
@@ -258,9 +225,7 @@ def test_doors_with_a_place_make_a_level(tmp_path: Path) -> None:
 
 
 def test_the_writer_and_a_new_one_mean_the_same(tmp_path: Path) -> None:
-    """
-    A log that is opened again, and the one that has just been written.
-    """
+    """A log that is opened again, and the one that has just been written."""
     with new_log(tmp_path, "L1") as log:
         door = log.add_door(**PLACE)
         log.update_door(door, level=0, at=START)  # late: the door stays where it is
@@ -273,9 +238,7 @@ def test_the_writer_and_a_new_one_mean_the_same(tmp_path: Path) -> None:
 
 
 def test_a_command_that_comes_again_is_the_same(tmp_path: Path) -> None:
-    """
-    Though the log has more levels by now.
-    """
+    """Though the log has more levels by now."""
     command = bytes(range(16))
     events = [DoorAdded(door_id=DoorId(1), **PLACE), RobotPose(**POSE), floor()]
     with new_log(tmp_path, "L1") as log:
@@ -288,9 +251,7 @@ def test_a_command_that_comes_again_is_the_same(tmp_path: Path) -> None:
 
 
 def test_a_batch_marks_what_tells_no_level() -> None:
-    """
-    Updates that do not move a door mean none; those of other kinds have none.
-    """
+    """Updates that do not move a door mean none; those of other kinds have none."""
     added = EventBatch.of(DoorAdded, door_id=[1, 2])
     updated = EventBatch.of(DoorUpdated, door_id=[1, 1], changed=[int(Changed.STATE)] * 2, state=1)
     seen = EventBatch.of(DoorObserved, door_id=1, state=int(DoorState.OPEN))
@@ -326,9 +287,7 @@ LINES: tuple[dict[str, object], ...] = (
 
 @pytest.mark.parametrize("line", LINES, ids=["door", "pose"])
 def test_a_line_without_a_level(tmp_path: Path, line: dict[str, object]) -> None:
-    """
-    One level: that; several: refused by its own line, which names them; by name or number.
-    """
+    """One level: that; several: refused by its own line, which names them; by name or number."""
     with new_log(tmp_path, "L1") as log:
         record(log, line)
         log.append([LevelAdded(level=2, name="L2")])
@@ -344,9 +303,7 @@ def test_a_line_without_a_level(tmp_path: Path, line: dict[str, object]) -> None
 
 
 def test_a_pose_that_is_refused_does_not_take_its_neighbours_along(tmp_path: Path) -> None:
-    """
-    Poses join the commit of the next line.
-    """
+    """Poses join the commit of the next line."""
     with new_log(tmp_path, "L1", "L2") as log:
         door = log.add_door(level=1)
         seen = {"kind": "DoorObserved", "door_id": int(door), "state": "OPEN"}
@@ -356,9 +313,7 @@ def test_a_pose_that_is_refused_does_not_take_its_neighbours_along(tmp_path: Pat
 
 
 def test_levels_of_a_file_of_lines(tmp_path: Path) -> None:
-    """
-    As of lines that are recorded; a level that an earlier line added counts.
-    """
+    """As of lines that are recorded; a level that an earlier line added counts."""
     file = tmp_path / "x.jsonl"
     lines = [{"kind": "LevelAdded", "level": 4, "name": "top"}, *LINES,
              {"kind": "RobotPose", "level": "top", **POSE}]  # fmt: skip
@@ -370,9 +325,7 @@ def test_levels_of_a_file_of_lines(tmp_path: Path) -> None:
 
 
 def test_an_old_log_comes_back_as_it_was(tmp_path: Path) -> None:
-    """
-    Its poses and sensors on level 0, beside a building's levels: exported lines tell the level.
-    """
+    """Its poses and sensors on level 0, beside a building's levels."""
     from semmap_log.interop.exporting.log_files import export
 
     with new_log(tmp_path, "L1", "L2") as log:
@@ -389,9 +342,7 @@ def test_an_old_log_comes_back_as_it_was(tmp_path: Path) -> None:
 
 
 def test_a_door_csv_puts_new_doors_on_the_only_level(tmp_path: Path) -> None:
-    """
-    Of several it asks, and names the doors; with the level told it goes on.
-    """
+    """Of several it asks, and names the doors; with the level told it goes on."""
     file = tmp_path / "x.csv"
     file.write_text("timestamp,door,state,accuracy\n2026-03-01T10:00:00Z,reed,open,0.9\n")
     with new_log(tmp_path, "L1", "L2") as log:
@@ -406,9 +357,7 @@ def test_a_door_csv_puts_new_doors_on_the_only_level(tmp_path: Path) -> None:
 
 
 def test_a_costmap_shows_the_level_with_doors(tmp_path: Path) -> None:
-    """
-    Where it is one; else it asks, unless it is told.
-    """
+    """Where it is one; else it asks, unless it is told."""
     with new_log(tmp_path, "L1", "L2", "L3") as log:
         with pytest.raises(UnknownLevelError, match="several levels"):
             level_shown(log.door_map())
@@ -421,9 +370,7 @@ def test_a_costmap_shows_the_level_with_doors(tmp_path: Path) -> None:
 
 
 def test_a_floor_map_is_asked_for_like_a_level(tmp_path: Path) -> None:
-    """
-    None told: the only one; by name; of several one must be told.
-    """
+    """None told: the only one; by name; of several one must be told."""
     with new_log(tmp_path, "L1") as log:
         log.append([floor()])
         assert floor(level=1) == _timeless(log.floor_map())
@@ -440,9 +387,7 @@ def _timeless(found: FloorMap | None) -> FloorMap | None:
 
 
 def test_an_empty_map_means_level_0() -> None:
-    """
-    Also by number; another is none.
-    """
+    """Also by number; another is none."""
     empty = DoorMapState().door_map()
 
     assert [0, 0, 0] == [resolve_level(text, empty) for text in (None, 0, "0")]
@@ -451,9 +396,7 @@ def test_an_empty_map_means_level_0() -> None:
 
 
 def test_an_update_that_tells_no_level_leaves_the_door_on_its_own(tmp_path: Path) -> None:
-    """
-    Though the log has several, so that none would be meant.
-    """
+    """Though the log has several, so that none would be meant."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.append([LevelAdded(level=level, name=name) for level, name in [(1, "L1"), (2, "L2")]])
         door = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9, level="L2")

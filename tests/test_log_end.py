@@ -45,9 +45,7 @@ QUESTIONS: dict[str, Callable[[sl.DoorLog, Any], Any]] = {
 @pytest.mark.parametrize("question", QUESTIONS)
 @pytest.mark.parametrize("time", ["2h ago", "now", "yesterday 23:00"])
 def test_a_relative_time_takes_no_more_replays(question: str, time: str, path: Path) -> None:
-    """
-    Than the moment that it stands for; and the answer is the same.
-    """
+    """Than the moment that it stands for; and the answer is the same."""
     ask = QUESTIONS[question]
     log = sl.read(path)
     is_known_at = question == "replay, as known"  # of which the end is the last commit
@@ -63,9 +61,7 @@ def test_a_relative_time_takes_no_more_replays(question: str, time: str, path: P
 
 
 def test_the_end_is_asked_once(path: Path) -> None:
-    """
-    Until the log is refreshed.
-    """
+    """Until the log is refreshed."""
     log = sl.read(path)
     log.end_ns()
 
@@ -75,16 +71,12 @@ def test_the_end_is_asked_once(path: Path) -> None:
 
 
 def test_what_is_taken_back_is_no_end(path: Path) -> None:
-    """
-    The sighting of two hours before was; the one before it is the latest.
-    """
+    """The sighting of two hours before was; the one before it is the latest."""
     assert START_NS - 4 * HOUR_NS == sl.read(path).end_ns()
 
 
 def test_only_the_last_segment_is_asked_where_that_is_enough(tmp_path: Path) -> None:
-    """
-    No event counts as later than it was recorded: what lies before the last need not be looked at.
-    """
+    """No event counts as later than it was recorded."""
     path, clock = tmp_path / "log", SteadyClock(START_NS)
     with sl.create(path, tz="UTC", clock=clock, compact=False) as writer:
         for _ in range(3):
@@ -106,9 +98,7 @@ def test_the_end_is_the_latest_of_what_counts(
     steps: list[tuple[int | None, bool, bool]],
     is_closed: bool,
 ) -> None:
-    """
-    As a replay finds it, whatever was taken back, in one segment or several, closed or not.
-    """
+    """As a replay finds it, whatever was taken back, in one segment or several, closed or not."""
     path = tmp_path_factory.mktemp("end") / "log"
     log = sl.create(path, tz="UTC", clock=SteadyClock(START_NS), compact=False)
     log.add_door(at=5)

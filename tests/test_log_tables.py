@@ -15,12 +15,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.core.arrow.table import COLUMNS, HISTORY_COLUMNS
 from semmap_log.core.model.doors import DoorId, DoorState
-from semmap_log.core.model.events import (
-    DoorAnnotated,
-    DoorObserved,
-    LevelAdded,
-    RobotPose,
-)
+from semmap_log.core.model.events import DoorAnnotated, DoorObserved, LevelAdded, RobotPose
 from semmap_log.errors import CommandError, SemmapError
 from semmap_log.store.compaction import compact
 from semmap_log.store.writing import segment_chain
@@ -90,9 +85,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[sl.DoorLog]:
 
 
 def test_each_row_is_what_the_history_tells(logs: list[sl.DoorLog]) -> None:
-    """
-    All columns, names as they were then by what is known now; and what was taken back, marked.
-    """
+    """All columns, names as they were then by what is known now."""
     seen: list[dict[str, Any]] = []
     for log in logs:
         rows = list(history_rows(list(log.history())))
@@ -109,9 +102,7 @@ def test_each_row_is_what_the_history_tells(logs: list[sl.DoorLog]) -> None:
 
 
 def test_names_are_those_of_a_replay_at_that_time(logs: list[sl.DoorLog]) -> None:
-    """
-    Of each moment at which one thing happened, and a door that is in the map then.
-    """
+    """Of each moment at which one thing happened, and a door that is in the map then."""
     compared = 0
     for log in logs:
         rows = log.to_arrow(columns=["door_id", "door_name", "level_name", "kind"]).to_pylist()
@@ -129,9 +120,7 @@ def test_names_are_those_of_a_replay_at_that_time(logs: list[sl.DoorLog]) -> Non
 
 
 def test_names_stay_where_nothing_was_taken_from_the_log(logs: list[sl.DoorLog]) -> None:
-    """
-    Tables that follow each other are the one table.
-    """
+    """Tables that follow each other are the one table."""
     for log in logs:
         parts = list(log.tables(retracted=True))
 
@@ -140,9 +129,7 @@ def test_names_stay_where_nothing_was_taken_from_the_log(logs: list[sl.DoorLog])
 
 
 def test_windows_doors_and_kinds_choose_rows(logs: list[sl.DoorLog]) -> None:
-    """
-    As they do for `batches`; each row is the same as in the table of all.
-    """
+    """As they do for `batches`; each row is the same as in the table of all."""
     for seed, log in enumerate(logs):
         dice = random.Random(seed)
         everything = {row["event"]: row for row in rows_of(log.to_arrow(retracted=True))}
@@ -171,9 +158,7 @@ COLUMN_NAMES = [column.name for column in HISTORY_COLUMNS]
 
 @pytest.mark.parametrize("seed", range(20))
 def test_columns_are_those_that_are_asked_for(logs: list[sl.DoorLog], seed: int) -> None:
-    """
-    In that order; each holds what it holds in the table of all.
-    """
+    """In that order; each holds what it holds in the table of all."""
     log, dice = logs[seed % len(logs)], random.Random(seed)
     names = dice.sample(COLUMN_NAMES, dice.randint(1, 6))
 
@@ -192,17 +177,13 @@ def test_no_columns_are_no_columns(logs: list[sl.DoorLog]) -> None:
 def test_a_column_that_is_not_there_is_an_error(
     logs: list[sl.DoorLog], names: list[str] | str
 ) -> None:
-    """
-    It says which there are, before anything is read.
-    """
+    """It says which there are, before anything is read."""
     with pytest.raises(CommandError, match=r"expected some of event, kind, .*got '(colour|event)'"):
         logs[0].tables(columns=names)
 
 
 def test_a_log_without_events_is_a_table_without_rows(tmp_path: Path) -> None:
-    """
-    With all its columns and their types, for pandas and polars, too.
-    """
+    """With all its columns and their types, for pandas and polars, too."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         empty = log.to_arrow()
         log.add_door()
@@ -215,9 +196,7 @@ def test_a_log_without_events_is_a_table_without_rows(tmp_path: Path) -> None:
 
 
 def test_the_frames_have_types_that_can_be_worked_with(logs: list[sl.DoorLog]) -> None:
-    """
-    Categories for texts that many rows share, times with their zone, whole numbers.
-    """
+    """Categories for texts that many rows share, times with their zone, whole numbers."""
     types = {
         "event": ("int64", pl.Int64),
         "kind": ("category", pl.Categorical),
@@ -240,9 +219,7 @@ def test_the_frames_have_types_that_can_be_worked_with(logs: list[sl.DoorLog]) -
 
 
 def test_the_dictionaries_of_a_table_are_one(logs: list[sl.DoorLog]) -> None:
-    """
-    Whatever the parts of a log told: who looks at the codes can compare them.
-    """
+    """Whatever the parts of a log told: who looks at the codes can compare them."""
     table = logs[0].to_arrow(retracted=True)
 
     for field in table.schema:
@@ -252,7 +229,5 @@ def test_the_dictionaries_of_a_table_are_one(logs: list[sl.DoorLog]) -> None:
 
 
 def test_the_columns_of_a_batch_are_among_them() -> None:
-    """
-    Under the same names, with the same meaning.
-    """
+    """Under the same names, with the same meaning."""
     assert set(COLUMNS) < set(HISTORY_COLUMNS)

@@ -59,9 +59,7 @@ def residuals_of_least_squares(old: list[complex], new: list[complex]) -> np.nda
 def test_a_pose_moves_as_a_complex_number_does(
     by: RigidTransform, x: float, y: float, theta: float
 ) -> None:
-    """
-    Its place, and its direction within a turn.
-    """
+    """Its place, and its direction within a turn."""
     new_x, new_y, new_theta = by.moved(x, y, theta)
 
     assert abs(complex(new_x, new_y) - moved(by, complex(x, y))) < 1e-9
@@ -71,9 +69,7 @@ def test_a_pose_moves_as_a_complex_number_does(
 
 @given(TRANSFORMS, PLACES)
 def test_a_fit_recovers_the_transform(by: RigidTransform, old: list[complex]) -> None:
-    """
-    Whatever it is, from two points on.
-    """
+    """Whatever it is, from two points on."""
     if max(abs(place - old[0]) for place in old) < 1:
         old = [*old, old[0] + 1]
 
@@ -87,9 +83,6 @@ def test_a_fit_recovers_the_transform(by: RigidTransform, old: list[complex]) ->
 
 @pytest.mark.parametrize("seed", range(8))
 def test_noise_leaves_the_residuals_of_least_squares(seed: int) -> None:
-    """
-    Pair by pair.
-    """
     rng = random.Random(seed)
     by = RigidTransform(rng.uniform(-50, 50), rng.uniform(-50, 50), rng.uniform(-3, 3))
     old = [complex(rng.uniform(0, 40), rng.uniform(0, 25)) for _ in range(rng.randint(3, 9))]
@@ -102,9 +95,7 @@ def test_noise_leaves_the_residuals_of_least_squares(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_pairs_that_spoil_the_fit_are_named(seed: int) -> None:
-    """
-    Two of eight are metres off: all of them are shown far off, and only the two are named.
-    """
+    """Two of eight are metres off: all of them are shown far off, and only the two are named."""
     rng = random.Random(seed)
     by = RigidTransform(12.5, -3.0, rng.uniform(-3, 3))
     old = [complex(rng.uniform(0, 40), rng.uniform(0, 25)) for _ in range(8)]
@@ -121,9 +112,7 @@ def test_pairs_that_spoil_the_fit_are_named(seed: int) -> None:
 
 
 def test_a_pair_within_the_limit_that_spoils_is_named() -> None:
-    """
-    0.2 m off, where the others fit to a centimetre: taken, and said.
-    """
+    """0.2 m off, where the others fit to a centimetre: taken, and said."""
     old = [0j, 20 + 0j, 20 + 10j, 10j, 10 + 5j]
 
     fit = fit_maps(paired(old, [*old[:-1], 10.2 + 5j]))
@@ -133,9 +122,7 @@ def test_a_pair_within_the_limit_that_spoils_is_named() -> None:
 
 
 def test_a_mirrored_and_a_scaled_map_are_told() -> None:
-    """
-    They are what the residuals come from, not a pair.
-    """
+    """They are what the residuals come from, not a pair."""
     old = [0j, 20 + 0j, 20 + 10j, 10j]
 
     mirrored = fit_maps(paired(old, [place.conjugate() for place in old]))
@@ -156,8 +143,6 @@ def test_a_mirrored_and_a_scaled_map_are_told() -> None:
     ],
 )
 def test_too_little_tells_no_transform(old: list[complex], new: list[complex], says: str) -> None:
-    """
-    One point, or points at one place.
-    """
+    """One point, or points at one place."""
     with pytest.raises(CommandError, match=says):
         fit_maps(paired(old, new))

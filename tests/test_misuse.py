@@ -30,9 +30,7 @@ from tests.conftest import SteadyClock
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_an_interrupt_at_any_moment_leaves_a_log_that_opens(tmp_path: Path) -> None:
-    """
-    Ctrl-C inside `append`, by a caller who goes on: the writer refuses, and nothing is doubled.
-    """
+    """Ctrl-C inside `append`, by a caller who goes on."""
     is_armed = False
 
     def interrupt(_number: int, _frame: object) -> None:
@@ -70,9 +68,7 @@ def test_an_interrupt_at_any_moment_leaves_a_log_that_opens(tmp_path: Path) -> N
 
 
 def test_what_an_append_reads_cannot_append(tmp_path: Path) -> None:
-    """
-    Both would take the same event numbers.
-    """
+    """Both would take the same event numbers."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door()
 
@@ -89,9 +85,7 @@ def test_what_an_append_reads_cannot_append(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("state", [5, 200, None, "ajar", True + 6])
 def test_a_state_that_is_none_is_refused(state: object, tmp_path: Path) -> None:
-    """
-    Before it is in the log for ever.
-    """
+    """Before it is in the log for ever."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door()
 
@@ -103,9 +97,7 @@ def test_a_state_that_is_none_is_refused(state: object, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("actor", ["\0", "\udcff", 5])
 def test_a_note_that_cannot_be_stored_is_refused(actor: object, tmp_path: Path) -> None:
-    """
-    Texts are checked where they come in, on the command line and in Python alike.
-    """
+    """Texts are checked where they come in, on the command line and in Python alike."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         with pytest.raises(InvalidEventError, match=r"Note.actor"):
             log.add_door(actor=actor)
@@ -114,9 +106,7 @@ def test_a_note_that_cannot_be_stored_is_refused(actor: object, tmp_path: Path) 
 
 
 def test_an_empty_commit_is_refused(tmp_path: Path) -> None:
-    """
-    There is nothing to say.
-    """
+    """There is nothing to say."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         with pytest.raises(CommandError, match="at least one event"):
             log.append([])
@@ -127,9 +117,7 @@ def test_an_empty_commit_is_refused(tmp_path: Path) -> None:
 
 
 def test_relative_times_of_commands_count_from_now(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    A question counts from the log's end; what happened "5 min ago" happened five minutes ago.
-    """
+    """A question counts from the log's end; what happened "5 min ago" happened five minutes ago."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         door = log.add_door(at="now")
         clock.now_ns += 7 * 86_400 * 10**9
@@ -144,9 +132,7 @@ def test_relative_times_of_commands_count_from_now(tmp_path: Path, clock: Steady
 
 
 def test_without_a_time_it_happened_by_the_wall_clock(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    After a jump to 2038 and back, recorded times go on from there; true times are kept.
-    """
+    """After a jump to 2038 and back, recorded times go on from there; true times are kept."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         true_ns = clock.now_ns
         clock.now_ns = 2_150_000_000 * 10**9
@@ -160,9 +146,7 @@ def test_without_a_time_it_happened_by_the_wall_clock(tmp_path: Path, clock: Ste
 
 
 def test_a_command_sent_again_is_answered_as_the_first_time(tmp_path: Path) -> None:
-    """
-    Also one that could not be done twice: a removal, the end of a round.
-    """
+    """Also one that could not be done twice: a removal, the end of a round."""
     ids = [bytes([n]) * 16 for n in range(4)]
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door(name="front", command_id=ids[0])
@@ -186,9 +170,7 @@ def _repeated(answer: tuple[object, int]) -> tuple[bool, int]:
 
 
 def test_a_number_can_be_a_name(tmp_path: Path) -> None:
-    """
-    It means the door that bears it, unless another door has it as its id.
-    """
+    """It means the door that bears it, unless another door has it as its id."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         first, second = log.add_door(name="102"), log.add_door(name="1")
 
@@ -199,9 +181,7 @@ def test_a_number_can_be_a_name(tmp_path: Path) -> None:
 
 
 def test_a_writer_sees_its_own_writes_beside_other_threads(tmp_path: Path) -> None:
-    """
-    A question asked at the same time must not make it look stale.
-    """
+    """A question asked at the same time must not make it look stale."""
     stop = threading.Event()
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door()
@@ -225,9 +205,7 @@ def test_a_writer_sees_its_own_writes_beside_other_threads(tmp_path: Path) -> No
 
 
 def test_a_child_keeps_no_lock(tmp_path: Path) -> None:
-    """
-    A process that was forked while the log was open does not keep the next writer out.
-    """
+    """A process that was forked while the log was open does not keep the next writer out."""
     log = sl.create(tmp_path / "log", tz="UTC")
     child = os.fork()
     if child == 0:
@@ -242,9 +220,7 @@ def test_a_child_keeps_no_lock(tmp_path: Path) -> None:
 
 
 def test_a_pose_after_the_end_is_refused(tmp_path: Path) -> None:
-    """
-    Not kept for a timer that can only fail.
-    """
+    """Not kept for a timer that can only fail."""
     log = sl.create(tmp_path / "log", tz="UTC")
     log.close()
 
@@ -257,9 +233,7 @@ def test_a_pose_after_the_end_is_refused(tmp_path: Path) -> None:
     "name", [".hidden", "new\nline", "tab\there", "x" * 250, "Tür 'a' \"b\" %s", "\x01"]
 )
 def test_any_folder_name_makes_a_log_that_rosbags_opens(name: str, tmp_path: Path) -> None:
-    """
-    Segment names and metadata.yaml come from it.
-    """
+    """Segment names and metadata.yaml come from it."""
     from rosbags.highlevel import AnyReader
 
     path = tmp_path / name
@@ -274,9 +248,7 @@ def test_any_folder_name_makes_a_log_that_rosbags_opens(name: str, tmp_path: Pat
 
 
 def test_a_killed_init_can_be_done_again(tmp_path: Path) -> None:
-    """
-    What it left is ours: a lock file, a temporary segment. Somebody else's file is not.
-    """
+    """What it left is ours: a lock file, a temporary segment. Somebody else's file is not."""
     path = tmp_path / "log"
     path.mkdir()
     (path / ".lock").touch()
@@ -290,9 +262,7 @@ def test_a_killed_init_can_be_done_again(tmp_path: Path) -> None:
 
 
 def test_leftovers_of_killed_writers_are_removed(tmp_path: Path) -> None:
-    """
-    By the next writer, who holds the lock.
-    """
+    """By the next writer, who holds the lock."""
     path = tmp_path / "log"
     sl.create(path, tz="UTC").close()
     (path / ".log_000000.mcap.123.tmp").write_bytes(b"half")
@@ -304,18 +274,14 @@ def test_leftovers_of_killed_writers_are_removed(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["f.csv", "f.yaml", "f.jsonl", "f.building.yaml"])
 def test_a_pipe_or_device_is_not_imported(name: str, tmp_path: Path) -> None:
-    """
-    It is refused at once; it must not hold the writer's lock for ever.
-    """
+    """It is refused at once; it must not hold the writer's lock for ever."""
     os.mkfifo(tmp_path / name)
     with sl.create(tmp_path / "log", tz="UTC") as log, pytest.raises(SemmapError, match="regular"):
         import_file(log, tmp_path / name)
 
 
 def test_a_pipe_in_the_folder_is_refused(tmp_path: Path) -> None:
-    """
-    Reading it would never end.
-    """
+    """Reading it would never end."""
     sl.create(tmp_path / "log", tz="UTC").close()
     os.mkfifo(tmp_path / "log" / "x.mcap")
 
@@ -330,9 +296,7 @@ def test_a_pipe_in_the_folder_is_refused(tmp_path: Path) -> None:
     ids=lambda arguments: arguments[0],
 )
 def test_a_full_disk_behind_stdout_is_one_line(arguments: list[str], tmp_path: Path) -> None:
-    """
-    No traceback; exit code 1.
-    """
+    """No traceback; exit code 1."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door(name="Tür")
     command = [a.replace("LOG", str(tmp_path / "log")) for a in arguments]
@@ -348,9 +312,7 @@ def test_a_full_disk_behind_stdout_is_one_line(arguments: list[str], tmp_path: P
 
 @pytest.mark.slow
 def test_closed_streams_and_plain_terminals_are_no_error(tmp_path: Path) -> None:
-    """
-    stdin and stdout closed, or ASCII only.
-    """
+    """stdin and stdout closed, or ASCII only."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door(name="Tür")
     program = f"{sys.executable} -m semmap_log"
@@ -363,8 +325,6 @@ def test_closed_streams_and_plain_terminals_are_no_error(tmp_path: Path) -> None
 
 
 def test_a_locked_log_says_who_even_on_a_full_disk(tmp_path: Path) -> None:
-    """
-    The writer's number in the lock file is decoration: taking the lock does not depend on it.
-    """
+    """The writer's number in the lock file is decoration: taking the lock does not depend on it."""
     with sl.create(tmp_path / "log", tz="UTC"), pytest.raises(LogLockedError, match="process"):
         sl.append(tmp_path / "log")

@@ -61,9 +61,7 @@ def utc(text: str) -> int:
     ],
 )
 def test_an_instant_is_read_to_the_nanosecond(text, expected_ns):
-    """
-    ISO-8601 with and without an offset, seconds and nanoseconds.
-    """
+    """ISO-8601 with and without an offset, seconds and nanoseconds."""
     assert expected_ns == parse_instant(text, tz=VIENNA)
 
 
@@ -90,18 +88,14 @@ def test_an_instant_is_read_to_the_nanosecond(text, expected_ns):
     ],
 )
 def test_a_moment_counts_from_the_end_of_the_log(text, same_as):
-    """
-    Not from the clock on the wall: yesterday is the log's last day but one.
-    """
+    """Not from the clock on the wall: yesterday is the log's last day but one."""
     assert Moment(ns=parse_instant(same_as, tz=VIENNA)) == parse_moment(
         text, tz=VIENNA, end_ns=lambda: END_NS
     )
 
 
 def test_a_moment_can_be_an_event():
-    """
-    `event:1234` is the state just after that event.
-    """
+    """`event:1234` is the state just after that event."""
     assert Moment(event=1234) == parse_moment("event:1234", tz=VIENNA, end_ns=lambda: END_NS)
 
 
@@ -110,9 +104,7 @@ def in_vienna(text: str) -> Moment:
 
 
 def test_a_range_has_two_moments():
-    """
-    T1..T2, each in any of the forms.
-    """
+    """T1..T2, each in any of the forms."""
     assert (Moment(ns=END_NS - 3600 * 10**9), Moment(event=7)) == parse_range(
         "1h ago..event:7", in_vienna
     )
@@ -143,9 +135,7 @@ def test_a_range_has_two_moments():
     ],
 )
 def test_what_is_no_moment_is_said(text, message):
-    """
-    What was expected and what was got.
-    """
+    """What was expected and what was got."""
     with pytest.raises(MomentError, match=message):
         parse_moment(text, tz=VIENNA, end_ns=lambda: END_NS)
 
@@ -155,26 +145,20 @@ def test_what_is_no_moment_is_said(text, message):
     [float("nan"), float("inf"), 10**400, True, None, -1, 1e300, 1772434800123, 1.8e15, 10**16],
 )
 def test_what_is_no_instant_is_said(value):
-    """
-    Numbers out of JSON can be anything.
-    """
+    """Numbers out of JSON can be anything."""
     with pytest.raises(MomentError, match=r"Expected|expected"):
         parse_instant(value, tz=VIENNA)
 
 
 @pytest.mark.parametrize("text", ["today", "now..yesterday", "2026-03-02..2026-03-01"])
 def test_what_is_no_range_is_said(text):
-    """
-    Two moments, the earlier one first.
-    """
+    """Two moments, the earlier one first."""
     with pytest.raises(MomentError, match=r"T1\.\.T2"):
         parse_range(text, in_vienna)
 
 
 def test_in_the_hour_that_comes_twice_the_first_is_taken():
-    """
-    02:30 came at +02:00 and, an hour later, at +01:00.
-    """
+    """02:30 came at +02:00 and, an hour later, at +01:00."""
     first, second = both_instants("2025-10-26T02:30", tz=VIENNA)
 
     assert utc("2025-10-26T00:30:00") == first == parse_instant("2025-10-26T02:30", tz=VIENNA)
@@ -183,17 +167,13 @@ def test_in_the_hour_that_comes_twice_the_first_is_taken():
 
 @pytest.mark.parametrize("name", ["Nowhere/X", "../../etc/passwd", "", "\0", "Europe", "a" * 999])
 def test_an_unknown_zone_says_how_to_write_one(name):
-    """
-    Names out of files never reach the file system.
-    """
+    """Names out of files never reach the file system."""
     with pytest.raises(MomentError, match="expected an IANA name such as Europe/Vienna"):
         zone(name)
 
 
 def test_printing():
-    """
-    UTC with all nanoseconds for machines, local with milliseconds at most for people.
-    """
+    """UTC with all nanoseconds for machines, local with milliseconds at most for people."""
     ns = parse_instant("2026-03-01T14:02:03.0405", tz=VIENNA)
 
     assert "2026-03-01T13:02:03.040500000Z" == format_utc(ns)
@@ -205,9 +185,7 @@ def test_printing():
 
 @given(ns=st.integers(0, 2**62), tz=st.sampled_from(ZONES))
 def test_what_is_printed_reads_as_the_same_instant(ns, tz):
-    """
-    Both ways, in zones with odd offsets and odd changes of clocks.
-    """
+    """Both ways, in zones with odd offsets and odd changes of clocks."""
     assert ns == parse_instant(format_utc(ns), tz=tz)
     assert ns == parse_instant(format_wall(ns, tz), tz=tz)
 
@@ -223,25 +201,19 @@ def test_what_is_printed_reads_as_the_same_instant(ns, tz):
     ],
 )
 def test_a_short_time_has_its_offset_in_the_hour_that_comes_twice(text, seconds, minutes):
-    """
-    And only there: tables stay narrow. In spring no time is told twice.
-    """
+    """And only there: tables stay narrow. In spring no time is told twice."""
     ns = parse_instant(text, tz=VIENNA)
 
     assert (seconds, minutes) == (format_short(ns, VIENNA), format_short(ns, VIENNA, seconds=False))
 
 
 @given(
-    second=st.integers(0, 2**62 // 10**9),
-    later=st.integers(1, 3 * 3600),
-    tz=st.sampled_from(ZONES),
+    second=st.integers(0, 2**62 // 10**9), later=st.integers(1, 3 * 3600), tz=st.sampled_from(ZONES)
 )
 @example(second=1_761_438_600, later=3600, tz=VIENNA)
 @example(second=1_743_864_300, later=1800, tz="Australia/Lord_Howe")
 def test_no_two_seconds_have_the_same_short_time(second, later, tz):
-    """
-    Nor is there one that means another instant.
-    """
+    """Nor is there one that means another instant."""
     ns, later_ns = second * 10**9, (second + later) * 10**9
 
     assert format_short(ns, tz) != format_short(later_ns, tz)
@@ -250,9 +222,7 @@ def test_no_two_seconds_have_the_same_short_time(second, later, tz):
 
 @given(text=st.text(max_size=40))
 def test_any_text_is_a_moment_or_an_error(text):
-    """
-    Nothing else ever comes out.
-    """
+    """Nothing else ever comes out."""
     try:
         moment = parse_moment(text, tz=VIENNA, end_ns=lambda: END_NS)
     except MomentError:
@@ -266,25 +236,19 @@ def test_any_text_is_a_moment_or_an_error(text):
     [("30m", 1800), ("2h", 7200), ("1.5 d", 129_600), (" 90 S", 90), ("0 min", 0), ("1w", 604_800)],
 )
 def test_a_length_of_time_is_a_number_and_a_unit(text, expected_s):
-    """
-    In the units of `2h ago`.
-    """
+    """In the units of `2h ago`."""
     assert expected_s * 10**9 == parse_duration(text)
 
 
 @pytest.mark.parametrize("text", ["", "2", "h", "-2h", "2h ago", "2 fortnights"])
 def test_no_other_text_is_a_length_of_time(text):
-    """
-    The error shows how to write one.
-    """
+    """The error shows how to write one."""
     with pytest.raises(MomentError, match=r"such as 30m, 2h or 1\.5d; got"):
         parse_duration(text)
 
 
 def test_a_range_reads_its_ends_as_a_log_reads_moments(tmp_path):
-    """
-    A clock time is the last one before anything was last said of a door's state.
-    """
+    """A clock time is the last one before anything was last said of a door's state."""
     clock = SteadyClock(END_NS)
     with sl.create(tmp_path / "log", tz=VIENNA, clock=clock) as log:
         door = log.add_door()

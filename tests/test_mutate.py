@@ -42,9 +42,7 @@ def functions(path: Path, text: str) -> list[mutants.Function]:
 
 
 def test_each_listed_survivor_has_a_reason_and_a_name_of_its_own() -> None:
-    """
-    Which says what it is: without effect, of speed alone, or what else.
-    """
+    """Which says what it is: without effect, of speed alone, or what else."""
     listed = yaml.safe_load(mutate.SURVIVORS.read_text()) or []
 
     assert len(listed) == len({entry["mutant"] for entry in listed})
@@ -53,9 +51,7 @@ def test_each_listed_survivor_has_a_reason_and_a_name_of_its_own() -> None:
 
 
 def test_a_function_is_known_by_its_code(tmp_path: Path) -> None:
-    """
-    In another file, below other lines, with another docstring or layout, it is the same.
-    """
+    """In another file, below other lines, with another docstring or layout, it is the same."""
     (one,) = functions(tmp_path / "one.py", MODULE)
     moved = "MOST = 1\n" + MODULE.replace("whether robots fit", "True or False")
     (same,) = functions(tmp_path / "two.py", moved.replace("1 + 0.0", "(1 +  0.0)"))
@@ -67,9 +63,7 @@ def test_a_function_is_known_by_its_code(tmp_path: Path) -> None:
 
 
 def test_mutants_leave_annotations_alone_and_calls_out(tmp_path: Path) -> None:
-    """
-    What a type checker reads changes nothing that runs.
-    """
+    """What a type checker reads changes nothing that runs."""
     pytest.importorskip("cosmic_ray")
     (function,) = functions(tmp_path / "one.py", MODULE)
 
@@ -82,9 +76,7 @@ def test_mutants_leave_annotations_alone_and_calls_out(tmp_path: Path) -> None:
 
 
 def test_a_seed_chooses_the_same_whatever_else_there_is(tmp_path: Path) -> None:
-    """
-    One place is taken once; another seed chooses others.
-    """
+    """One place is taken once; another seed chooses others."""
     pytest.importorskip("cosmic_ray")
     (one,) = functions(tmp_path / "one.py", MODULE)
     (other,) = functions(tmp_path / "two.py", MODULE.replace("<=", ">="))
@@ -99,9 +91,7 @@ def test_a_seed_chooses_the_same_whatever_else_there_is(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_what_lives_is_named_until_it_is_listed(tmp_path: Path) -> None:
-    """
-    Tests run in copies of a checkout; what no test notices is an error, or has a reason.
-    """
+    """Tests run in copies of a checkout; what no test notices is an error, or has a reason."""
     pytest.importorskip("cosmic_ray")
     (tmp_path / "tools").mkdir()
     for name in ("mutate.py", "mutants.py", "tests_of.py"):

@@ -143,9 +143,7 @@ class Program:
 
 @pytest.mark.slow
 def test_a_kind_that_sets_the_state_is_told_in_five_files(tmp_path: Path) -> None:
-    """
-    Its message, its class, the format's minor version, its words.
-    """
+    """Its message, its class, the format's minor version, its words."""
     program = Program(tmp_path / "program")
     (program.package / "core/messages/msg/DoorTouched.msg").write_text(
         TOUCHED_MSG, encoding="ascii"
@@ -160,10 +158,7 @@ def test_a_kind_that_sets_the_state_is_told_in_five_files(tmp_path: Path) -> Non
     program.edit(
         "views/event_words.py",
         ("    DoorUpdated,\n", "    DoorTouched,\n    DoorUpdated,\n"),
-        (
-            "        case DoorRemoved():\n",
-            FELT + "        case DoorRemoved():\n",
-        ),
+        ("        case DoorRemoved():\n", FELT + "        case DoorRemoved():\n"),
     )
     assert len(program.edited) + 1 <= MOST_FILES
     log = tmp_path / "log"
@@ -194,9 +189,7 @@ def test_a_kind_that_sets_the_state_is_told_in_five_files(tmp_path: Path) -> Non
 
 @pytest.mark.slow
 def test_a_field_of_a_door_is_told_in_four_files(tmp_path: Path) -> None:
-    """
-    Two messages, the fields that events set, with the part that it is, and the door that has it.
-    """
+    """Two messages, the fields that events set, with the part that it is."""
     program = Program(tmp_path / "program")
     for kind in ("DoorAdded", "DoorUpdated"):
         program.edit(f"core/messages/msg/{kind}.msg", (FIELD_MSG, HEIGHT_MSG))

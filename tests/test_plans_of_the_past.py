@@ -49,9 +49,7 @@ def _since(log: sl.DoorLog, text: str) -> int:
 def test_a_plan_of_the_past_is_used_by_what_asks_about_the_past(
     log: sl.DoorLogWriter, plan: Path
 ) -> None:
-    """
-    Rooms, trips, costmaps; before it nothing is there, as it was.
-    """
+    """Rooms, trips, costmaps; before it nothing is there, as it was."""
     import_file(log, plan)
     assert not rooms_of(log, at=MARCH).rooms
     before = door_trip(log, "1,1", "3,1", depart=MARCH)
@@ -69,9 +67,7 @@ def test_a_plan_of_the_past_is_used_by_what_asks_about_the_past(
 
 
 def test_a_plan_that_was_there_already_is_held(log: sl.DoorLogWriter, plan: Path) -> None:
-    """
-    From then on, or from earlier.
-    """
+    """From then on, or from earlier."""
     options = [ImportOptions(since_ns=_since(log, day)) for day in ("2026-02-01", "2026-02-03")]
 
     assert [1, 0] == [import_file(log, plan, each).plan.count for each in options]
@@ -81,9 +77,7 @@ def test_a_plan_that_was_there_already_is_held(log: sl.DoorLogWriter, plan: Path
 def test_init_takes_a_plan_of_the_past(
     tmp_path: Path, plan: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    And leaves nothing where the time is none.
-    """
+    """And leaves nothing where the time is none."""
 
     def init(*words: str) -> object:
         with pytest.raises(SystemExit) as left:

@@ -66,9 +66,7 @@ def folder(tmp_path: Path) -> Path:
     ],
 )  # fmt: skip
 def test_what_is_run(arguments: list[str], expected: set[str], folder: Path) -> None:
-    """
-    And how many were left out is said where some were, also by two processes.
-    """
+    """And how many were left out is said where some were, also by two processes."""
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-v", "-p", "no:cacheprovider", "-p", "no:randomly",
          *arguments],
@@ -86,9 +84,7 @@ def test_what_is_run(arguments: list[str], expected: set[str], folder: Path) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize(("arguments", "few"), [([], True), (["--long"], False)])
 def test_a_plain_run_tries_fewer_examples(arguments: list[str], few: bool, folder: Path) -> None:
-    """
-    A long one all of them, also of properties that the plain run has met.
-    """
+    """A long one all of them, also of properties that the plain run has met."""
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-s", "-q", "-k", "property", *arguments],
         cwd=folder, capture_output=True, text=True, check=True,
@@ -109,9 +105,7 @@ def test_a_plain_run_tries_fewer_examples(arguments: list[str], few: bool, folde
 def test_experiments_run_with_all_or_where_they_are_named(
     arguments: list[str], runs: bool, folder: Path
 ) -> None:
-    """
-    A plain run does not even import them.
-    """
+    """A plain run does not even import them."""
     (folder / "pytest.ini").write_text("[pytest]\nmarkers = slow\ntestpaths = here\n")
     (folder / "here").mkdir()
     (folder / "test_it.py").rename(folder / "here" / "test_it.py")

@@ -10,9 +10,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def test_the_two_commands_are_where_ci_looks_for_them() -> None:
-    """
-    CI runs the second one as the reader would.
-    """
+    """CI runs the second one as the reader would."""
     script = ROOT / ".ci" / "readme_command.py"
 
     first, second = (

@@ -55,9 +55,7 @@ def test_doors_turn_as_complex_numbers_do(
     by: tuple[float, float, float],
     doors: list[tuple[float, float, float]],
 ) -> None:
-    """
-    Both ends of each; before that moment they lie where they lay, and after a retraction again.
-    """
+    """Both ends of each; before that moment they lie where they lay."""
     clock = SteadyClock()
     with placed(tmp_path_factory.mktemp("log") / "log", *doors, clock=clock) as log:
         before, then_ns = log.replay(), clock.now_ns
@@ -84,10 +82,7 @@ def test_doors_turn_as_complex_numbers_do(
 
 
 def test_it_is_one_commit_that_is_stored_once(tmp_path: Path) -> None:
-    """
-    The same command again changes nothing; another with its id is refused; and without an id the
-    same map cannot come twice, which would move the doors twice.
-    """
+    """The same command again changes nothing; another with its id is refused."""
     with placed(tmp_path / "log", (1, 2, 0.5), (3, 2, 0), clock=SteadyClock()) as log:
         first = log.rebase(a_map(x=1.0), by=(1, 2, 0.5), actor="ann", command_id=ID)
         again = log.rebase(a_map(x=1.0), by=(1, 2, 0.5), actor="ann", command_id=ID)
@@ -102,9 +97,7 @@ def test_it_is_one_commit_that_is_stored_once(tmp_path: Path) -> None:
 
 
 def test_what_is_not_on_the_level_stays(tmp_path: Path) -> None:
-    """
-    Doors of other levels, removed ones, and those without a place.
-    """
+    """Doors of other levels, removed ones, and those without a place."""
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock()) as log:
         log.append([LevelAdded(level=n, name=f"L{n}", elevation=0.0) for n in (1, 2)])
         here = log.add_door(x=1, y=0, theta=0, width=1, level="L1")
@@ -124,15 +117,10 @@ def test_what_is_not_on_the_level_stays(tmp_path: Path) -> None:
 
 
 def test_measured_doors_win(tmp_path: Path) -> None:
-    """
-    Over the transform; a door without a place gets one; a width only if it was measured.
-    """
+    """Over the transform; a door without a place gets one; a width only if it was measured."""
     with placed(tmp_path / "log", (1, 2, 0), (3, 2, 0), clock=SteadyClock()) as log:
         new = log.add_door(name="new")
-        measured = {
-            1: (7.0, 8.0, 0.1),
-            "new": MeasuredDoor(1.0, 1.0, 0.0, 1.5),
-        }
+        measured = {1: (7.0, 8.0, 0.1), "new": MeasuredDoor(1.0, 1.0, 0.0, 1.5)}
         log.rebase(a_map(x=1.0), by=(10, 0, 0), doors=measured)
 
         doors = log.replay().doors
@@ -146,9 +134,7 @@ def test_measured_doors_win(tmp_path: Path) -> None:
 
 
 def test_doors_that_were_placed_since_are_in_the_new_map(tmp_path: Path) -> None:
-    """
-    With `at` in the past: what was told behind it stands; a map from behind it is in the way.
-    """
+    """With `at` in the past: what was told behind it stands; a map from behind it is in the way."""
     clock = SteadyClock()
     with placed(tmp_path / "log", (1, 2, 0), (3, 2, 0), clock=clock) as log:
         moved_ns = clock.now_ns + HOUR_NS
@@ -167,9 +153,7 @@ def test_doors_that_were_placed_since_are_in_the_new_map(tmp_path: Path) -> None
 
 
 def test_a_clock_that_went_back_does_not_undo_it(tmp_path: Path) -> None:
-    """
-    What was told of later times came before it all the same.
-    """
+    """What was told of later times came before it all the same."""
     clock = SteadyClock()
     with placed(tmp_path / "log", (1, 2, 0), clock=clock) as log:
         clock.now_ns -= HOUR_NS
@@ -180,9 +164,7 @@ def test_a_clock_that_went_back_does_not_undo_it(tmp_path: Path) -> None:
 
 
 def test_the_costmap_turns_cell_for_cell(tmp_path: Path) -> None:
-    """
-    A quarter turn of the office: doors, floor and costs around both, on both sides.
-    """
+    """A quarter turn of the office: doors, floor and costs around both, on both sides."""
     log, old = sl.read(office_mapped_anew(tmp_path)), sl.read(OFFICE)
     inflated = CostmapOptions(inflate_m=0.4, inscribed_m=0.2)
 
@@ -196,9 +178,7 @@ def test_the_costmap_turns_cell_for_cell(tmp_path: Path) -> None:
 
 
 def test_costmaps_over_time_change_their_grid(tmp_path: Path) -> None:
-    """
-    Each frame is the costmap of its moment, on the map of that moment.
-    """
+    """Each frame is the costmap of its moment, on the map of that moment."""
     log = sl.read(office_mapped_anew(tmp_path))
     shapes = set()
 
@@ -212,9 +192,7 @@ def test_costmaps_over_time_change_their_grid(tmp_path: Path) -> None:
 
 
 def test_a_round_does_not_begin_where_the_robot_was_on_the_old_map(tmp_path: Path) -> None:
-    """
-    Nobody knows where it is, until it tells its place on the new one.
-    """
+    """Nobody knows where it is, until it tells its place on the new one."""
     log = sl.read(office_mapped_anew(tmp_path))
 
     assert begun_round(log, start="2026-03-02T13:59").plan.start is not None
@@ -223,9 +201,7 @@ def test_a_round_does_not_begin_where_the_robot_was_on_the_old_map(tmp_path: Pat
 
 
 def test_wherever_its_writing_ends_it_is_there_or_not(tmp_path: Path) -> None:
-    """
-    A map of several chunks: the file is cut behind any of its bytes, as a power cut may.
-    """
+    """A map of several chunks: the file is cut behind any of its bytes, as a power cut may."""
     clock = SteadyClock()
     with placed(tmp_path / "log", (1, 2, 0), (3, 2, 0), clock=clock) as log:
         log.append([RobotPose(x=1, y=1, theta=0, sd_xy=0, sd_theta=0)])

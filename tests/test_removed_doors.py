@@ -40,9 +40,7 @@ def log(tmp_path: Path) -> Iterator[sl.DoorLogWriter]:
 def test_a_removed_door_is_named_with_its_id_and_the_way_back(
     verb: str, door: str, log: sl.DoorLogWriter
 ) -> None:
-    """
-    However it is called, by every verb that writes.
-    """
+    """However it is called, by every verb that writes."""
     said = r"^door 'front' \(id 1\) was removed.* semmap-log retract .*log 2$"
 
     with pytest.raises(DoorRemovedError, match=said):
@@ -50,9 +48,7 @@ def test_a_removed_door_is_named_with_its_id_and_the_way_back(
 
 
 def test_what_happened_before_the_removal_is_told_by_name_too(log: sl.DoorLogWriter) -> None:
-    """
-    As by its id.
-    """
+    """As by its id."""
     log.observe("front", "open", at="2026-03-01T10:00")
 
     assert "OPEN" == log.replay(at="2026-03-01T11:00").doors[DoorId(1)].state.name
@@ -62,9 +58,7 @@ def test_what_happened_before_the_removal_is_told_by_name_too(log: sl.DoorLogWri
 def test_who_asks_about_it_is_told_how_to_ask_about_the_time_before(
     door: str, log: sl.DoorLogWriter
 ) -> None:
-    """
-    And that question is answered.
-    """
+    """And that question is answered."""
     read = sl.read(log.path)
     asked: list[Callable[[], object]] = [
         lambda: probabilities(read, doors=[door]),
@@ -80,9 +74,7 @@ def test_who_asks_about_it_is_told_how_to_ask_about_the_time_before(
 
 
 def test_a_name_of_two_removed_doors_asks_which(log: sl.DoorLogWriter) -> None:
-    """
-    No question takes the first of them in silence; what it says to write works.
-    """
+    """No question takes the first of them in silence; what it says to write works."""
     log.add_door(name="front")
     log.remove_door("front")
     said = "'front' is the name of 2 doors that were removed; say which by id:1 or id:3"
@@ -95,21 +87,15 @@ def test_a_name_of_two_removed_doors_asks_which(log: sl.DoorLogWriter) -> None:
         log.observe("id:3", "open")
 
 
-def test_a_door_that_is_there_comes_before_those_that_bore_its_name(
-    log: sl.DoorLogWriter,
-) -> None:
-    """
-    Removed doors are looked for last.
-    """
+def test_a_door_that_is_there_comes_before_those_that_bore_its_name(log: sl.DoorLogWriter) -> None:
+    """Removed doors are looked for last."""
     again = log.add_door(name="front")
 
     assert again == log.resolve("front") == log.resolve_ever("front")
 
 
 def test_what_a_number_with_two_meanings_asks_for_can_be_written(log: sl.DoorLogWriter) -> None:
-    """
-    The id that is somebody's name: `id:2` is always the id.
-    """
+    """The id that is somebody's name: `id:2` is always the id."""
     called = log.add_door(name="2")
 
     with pytest.raises(UnknownDoorError, match=r"'2' can mean 2 doors: .*by id:3 or id:2\."):
@@ -123,8 +109,6 @@ def test_what_a_number_with_two_meanings_asks_for_can_be_written(log: sl.DoorLog
     [("id:9", "door 9 is not in the map"), ("id:", "such as id:7"), ("id:two", "such as id:7")],
 )
 def test_an_id_that_is_none_is_told(text: str, said: str, log: sl.DoorLogWriter) -> None:
-    """
-    Not taken for a name.
-    """
+    """Not taken for a name."""
     with pytest.raises(UnknownDoorError, match=said):
         log.observe(text, "open")

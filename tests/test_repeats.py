@@ -12,9 +12,7 @@ from semmap_log.interop.formats.parsing.problems import MOST_KINDS, Problems
 
 
 def test_texts_that_differ_in_values_only_are_one_kind() -> None:
-    """
-    Quoted texts, numbers and times, cut ones too, are values; words are not.
-    """
+    """Quoted texts, numbers and times, cut ones too, are values; words are not."""
     found = Repeats()
     for line, text in enumerate(
         [
@@ -35,9 +33,7 @@ def test_texts_that_differ_in_values_only_are_one_kind() -> None:
 
 
 def test_ten_thousand_bad_lines_are_four_and_a_count() -> None:
-    """
-    And a single other one among them is not lost.
-    """
+    """And a single other one among them is not lost."""
     problems = Problems("doors.csv")
     for line in range(2, 10_002):
         problems.add(line, f"state: expected one of OPEN CLOSED, got 'x{line}'")
@@ -60,9 +56,7 @@ def test_ten_thousand_bad_lines_are_four_and_a_count() -> None:
 
 
 def test_few_problems_are_all_told_by_line() -> None:
-    """
-    Who mends a file by hand wants each of them.
-    """
+    """Who mends a file by hand wants each of them."""
     error = FormatError(Path("a.yaml"), [(9, "x: got 3"), (2, "y: bad"), (5, "x: got 4")])
 
     assert ["a.yaml:2: y: bad", "a.yaml:5: x: got 4", "a.yaml:9: x: got 3"] == (
@@ -71,9 +65,7 @@ def test_few_problems_are_all_told_by_line() -> None:
 
 
 def test_reading_ends_where_there_are_too_many_kinds() -> None:
-    """
-    Not where one kind comes again and again.
-    """
+    """Not where one kind comes again and again."""
     problems = Problems("x")
     for line in range(1, 3 * MOST_KINDS):
         problems.add(line, f"got {line}")
@@ -87,9 +79,7 @@ def test_reading_ends_where_there_are_too_many_kinds() -> None:
 
 
 def test_what_is_left_out_is_told_once() -> None:
-    """
-    Without lines there is none to name.
-    """
+    """Without lines there is none to name."""
     told = list(told_once([*(f"door 'd{n}': no window" for n in range(500)), "lifts: 2"]))
 
     assert [

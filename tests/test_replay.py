@@ -147,12 +147,10 @@ def expected(doors: dict[int, dict[str, Any]]) -> dict[int, dict[str, Any]]:
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32))
 def test_every_moment_is_what_the_model_says(seed: int) -> None:
-    """
-    at, known_at, both together and event: at each event's own times, before, and between.
-    """
+    """at, known_at, both together and event: at each event's own times, before, and between."""
     dice = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder:
         told = random_log(Path(folder) / "log", dice, commits=25)
@@ -176,12 +174,10 @@ def test_every_moment_is_what_the_model_says(seed: int) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32))
 def test_the_fold_commutes_and_a_keyframe_is_the_state(seed: int) -> None:
-    """
-    Batches in any order, cut anywhere, through a keyframe or not: the same arrays.
-    """
+    """Batches in any order, cut anywhere, through a keyframe or not: the same arrays."""
     dice = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder:
         random_log(Path(folder) / "log", dice, commits=15)
@@ -203,9 +199,7 @@ def test_the_fold_commutes_and_a_keyframe_is_the_state(seed: int) -> None:
 
 
 def test_the_writer_holds_the_same_state_as_a_replay(tmp_path: Path) -> None:
-    """
-    What commands are checked against is what a reader would see, after every reopening.
-    """
+    """What commands are checked against is what a reader would see, after every reopening."""
     dice = random.Random(3)
     random_log(tmp_path / "log", dice, commits=60)
 
@@ -216,9 +210,7 @@ def test_the_writer_holds_the_same_state_as_a_replay(tmp_path: Path) -> None:
 
 
 def test_a_sighting_outranks_an_update_only_by_being_later(tmp_path: Path) -> None:
-    """
-    The later of the two wins, whatever the accuracy; a late one changes the past alone.
-    """
+    """The later of the two wins, whatever the accuracy; a late one changes the past alone."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door(at="2026-03-01T08:00")
         log.observe(door, "open", at="2026-03-01T12:00")
@@ -231,9 +223,7 @@ def test_a_sighting_outranks_an_update_only_by_being_later(tmp_path: Path) -> No
 
 
 def test_a_retraction_hides_only_from_later_knowledge(tmp_path: Path) -> None:
-    """
-    known_at before it still shows what was believed then.
-    """
+    """known_at before it still shows what was believed then."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door(state="closed")
         seen = log.observe(door, "open").commit
@@ -246,10 +236,7 @@ def test_a_retraction_hides_only_from_later_knowledge(tmp_path: Path) -> None:
 
 
 def test_a_removal_before_the_adding_is_of_no_door(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    In one commit: a door said to come in the future, which counts from its recorded time, and its
-    removal without a time, a nanosecond before that.
-    """
+    """In one commit: a door said to come in the future, which counts from its recorded time."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         log.add_door()
         log.append(
@@ -266,9 +253,7 @@ def test_a_removal_before_the_adding_is_of_no_door(tmp_path: Path, clock: Steady
 
 
 def test_a_removal_while_the_clock_is_behind_is_refused(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    Without a time of its own it would lie before the adding, and leave the door there.
-    """
+    """Without a time of its own it would lie before the adding, and leave the door there."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         door = log.add_door()
         later = log.add_door()
@@ -283,9 +268,7 @@ def test_a_removal_while_the_clock_is_behind_is_refused(tmp_path: Path, clock: S
 
 
 def test_a_commit_is_known_whole_or_not_at_all(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    A moment inside a commit's own nanoseconds shows all of it.
-    """
+    """A moment inside a commit's own nanoseconds shows all of it."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         commit = log.append([DoorAdded(door_id=DoorId(n)) for n in range(1, 6)]).commit
 
@@ -294,9 +277,7 @@ def test_a_commit_is_known_whole_or_not_at_all(tmp_path: Path, clock: SteadyCloc
 
 
 def test_diff_names_what_changed_and_the_events_that_did_it(tmp_path: Path) -> None:
-    """
-    Added, removed and changed between two moments; events with T1 < happened <= T2.
-    """
+    """Added, removed and changed between two moments; events with T1 < happened <= T2."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         stays = log.add_door(x=0, y=0, theta=0, width=1, at="2026-03-01T08:00")
         goes = log.add_door(at="2026-03-01T08:00")
@@ -332,9 +313,7 @@ def test_diff_names_what_changed_and_the_events_that_did_it(tmp_path: Path) -> N
     ],
 )
 def test_a_number_behind_the_end_is_an_error_that_names_the_last(ask, tmp_path: Path) -> None:
-    """
-    Nobody knows what is true after an event that has not come; a typing error must not look so.
-    """
+    """Nobody knows what is true after an event that has not come."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door()
         log.add_door()
@@ -343,9 +322,7 @@ def test_a_number_behind_the_end_is_an_error_that_names_the_last(ask, tmp_path: 
 
 
 def test_a_range_ends_behind_the_last_event(tmp_path: Path) -> None:
-    """
-    Half-open: `until` is the next number, from which a later question goes on.
-    """
+    """Half-open: `until` is the next number, from which a later question goes on."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door()
         log.add_door()
@@ -358,9 +335,7 @@ def test_a_range_ends_behind_the_last_event(tmp_path: Path) -> None:
 
 
 def test_a_log_without_events_says_so(tmp_path: Path) -> None:
-    """
-    There is no last event to name.
-    """
+    """There is no last event to name."""
     log = sl.create(tmp_path / "log", tz="UTC")
 
     with pytest.raises(sl.SemmapError, match="there is no event 0; the log has none yet"):

@@ -42,9 +42,7 @@ def log(tmp_path: Path):
 
 
 def test_it_is_one_event_in_a_commit_of_its_own(log: sl.DoorLogWriter) -> None:
-    """
-    With who and why.
-    """
+    """With who and why."""
     commit = log.retract(3, 4, actor="porter", reason="dirty lens").commit
 
     event = log.event(5).event
@@ -55,9 +53,7 @@ def test_it_is_one_event_in_a_commit_of_its_own(log: sl.DoorLogWriter) -> None:
 
 
 def test_what_was_true_leaves_it_out_and_what_was_known_does_not(log: sl.DoorLogWriter) -> None:
-    """
-    `at` a moment between the events, `known_at` and `event` before and after the retraction.
-    """
+    """`at` a moment between the events, `known_at` and `event` before and after the retraction."""
     seen = [log.event(number) for number in (2, 3, 4)]
     taken_back = log.retract(3).commit.recorded_ns
     between = seen[1].happened_ns + 1
@@ -76,9 +72,7 @@ def test_what_was_true_leaves_it_out_and_what_was_known_does_not(log: sl.DoorLog
 
 
 def test_a_door_whose_adding_is_taken_back_is_gone_for_good(log: sl.DoorLogWriter) -> None:
-    """
-    With its name; its id is not given again, its history stays and is found.
-    """
+    """With its name; its id is not given again, its history stays and is found."""
     log.retract(0)
 
     assert {} == log.replay().doors
@@ -97,18 +91,14 @@ def test_a_door_whose_adding_is_taken_back_is_gone_for_good(log: sl.DoorLogWrite
 
 
 def test_a_name_that_was_taken_back_leads_to_its_history(log: sl.DoorLogWriter) -> None:
-    """
-    The door and its name were in one commit, and are gone together.
-    """
+    """The door and its name were in one commit, and are gone together."""
     log.retract(0, 1)
 
     assert 1 == sl.read(log.path).resolve_ever("front")
 
 
 def test_a_removal_taken_back_brings_the_door_back(log: sl.DoorLogWriter) -> None:
-    """
-    As it was; it takes events again.
-    """
+    """As it was; it takes events again."""
     log.remove_door(1)
     log.retract(5)
     log.observe(1, "open")
@@ -133,9 +123,7 @@ def test_a_removal_taken_back_brings_the_door_back(log: sl.DoorLogWriter) -> Non
 def test_what_cannot_be_taken_back(
     log: sl.DoorLogWriter, first: int, last: int | None, why: str
 ) -> None:
-    """
-    The message says what is there instead; nothing is written.
-    """
+    """The message says what is there instead; nothing is written."""
     log.retract(2, 3)
     log.retract(1)
 
@@ -146,9 +134,7 @@ def test_what_cannot_be_taken_back(
 
 
 def test_in_an_empty_log_there_is_nothing(tmp_path: Path) -> None:
-    """
-    Not even event 0.
-    """
+    """Not even event 0."""
     with (
         sl.create(tmp_path / "empty", tz="UTC") as log,
         pytest.raises(CommandError, match="event 0: the log holds none yet"),
@@ -158,9 +144,7 @@ def test_in_an_empty_log_there_is_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("patient_poses")
 def test_poses_that_wait_are_no_events_yet(log: sl.DoorLogWriter) -> None:
-    """
-    They get their numbers in the retraction's own commit: it cannot mean them.
-    """
+    """They get their numbers in the retraction's own commit: it cannot mean them."""
     log.robot_pose(RobotPose(x=0.0, y=0.0, theta=0.0))
 
     with pytest.raises(CommandError, match=r"event 5: the log holds 0\.\.4"):
@@ -169,9 +153,7 @@ def test_poses_that_wait_are_no_events_yet(log: sl.DoorLogWriter) -> None:
 
 
 def test_a_range_may_hold_what_is_hidden_and_retractions(log: sl.DoorLogWriter) -> None:
-    """
-    Only what is left of it is newly hidden; the retraction in it stays in force.
-    """
+    """Only what is left of it is newly hidden; the retraction in it stays in force."""
     log.retract(2)
     log.observe(1, "open")
     number = log.retract(1, 6).first_event
@@ -182,9 +164,7 @@ def test_a_range_may_hold_what_is_hidden_and_retractions(log: sl.DoorLogWriter) 
 
 
 def test_sent_again_it_is_stored_once(log: sl.DoorLogWriter) -> None:
-    """
-    Though by then all of it is taken back; the same id for other events is an error.
-    """
+    """Though by then all of it is taken back; the same id for other events is an error."""
     command_id = bytes(range(16))
     first = log.retract(3, command_id=command_id)
 
@@ -197,9 +177,7 @@ def test_sent_again_it_is_stored_once(log: sl.DoorLogWriter) -> None:
 
 
 def test_only_if_the_log_is_as_expected(log: sl.DoorLogWriter) -> None:
-    """
-    The last event is the log's, since a range is about no door.
-    """
+    """The last event is the log's, since a range is about no door."""
     with pytest.raises(UnexpectedEventError, match="expected event 3 to be the last of the log"):
         log.retract(3, expected_event=3)
 
@@ -208,9 +186,7 @@ def test_only_if_the_log_is_as_expected(log: sl.DoorLogWriter) -> None:
 
 @pytest.mark.slow
 def test_what_each_retraction_hid_adds_up(tmp_path: Path) -> None:
-    """
-    In random logs: every hidden event was newly hidden by exactly one retraction.
-    """
+    """In random logs: every hidden event was newly hidden by exactly one retraction."""
     random_log(tmp_path / "random", random.Random(8), commits=300)
     log = sl.read(tmp_path / "random")
     retractions = [e.number for e in log.history(kinds=[Retracted])]
@@ -222,9 +198,7 @@ def test_what_each_retraction_hid_adds_up(tmp_path: Path) -> None:
 
 
 def test_a_removal_that_is_taken_back_brings_the_door_back(tmp_path: Path) -> None:
-    """
-    Under its id, with all it was; in the same commit more can be said of it at once.
-    """
+    """Under its id, with all it was; in the same commit more can be said of it at once."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.append([LevelAdded(level=1, name="L1"), LevelAdded(level=2, name="L2")])
         door = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9, level=2, name="front")
@@ -257,9 +231,7 @@ def test_a_removal_that_is_taken_back_brings_the_door_back(tmp_path: Path) -> No
 
 
 def test_an_unplaced_door_comes_back_unplaced(tmp_path: Path) -> None:
-    """
-    To place it, pose and width are wanted together, as before.
-    """
+    """To place it, pose and width are wanted together, as before."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door(name="reed contact")
         removed = log.remove_door(door).commit.first_event
@@ -270,10 +242,7 @@ def test_an_unplaced_door_comes_back_unplaced(tmp_path: Path) -> None:
 
 
 def test_what_is_said_of_a_removed_door(tmp_path: Path) -> None:
-    """
-    Who names it by its id is told of the removal, not that there never was such a door; what
-    happened before that can still be added.
-    """
+    """Who names it by its id is told of the removal, not that there never was such a door."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door(at="2026-03-01T08:00")
         log.remove_door(door, at="2026-03-01T12:00")

@@ -10,9 +10,7 @@ from tests.test_structure import ROOMS
 
 
 def test_the_picture_shows_the_imports_as_they_are() -> None:
-    """
-    Where this fails, run `python tools/rooms_picture.py`.
-    """
+    """Where this fails, run `python tools/rooms_picture.py`."""
     drawn = rooms_picture.picture(rooms_picture.ROOT)
 
     assert drawn == rooms_picture.PICTURE.read_text(encoding="utf-8")
@@ -23,9 +21,7 @@ def test_the_rooms_are_those_whose_order_is_tested() -> None:
 
 
 def test_an_import_between_rooms_is_a_dot(tmp_path: Path) -> None:
-    """
-    Ten imports make a larger one; an import within a room makes none.
-    """
+    """Ten imports make a larger one; an import within a room makes none."""
     for room in rooms_picture.ROOMS:
         folder = tmp_path / "semmap_log" / room
         folder.mkdir(parents=True)

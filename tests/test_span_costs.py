@@ -61,9 +61,7 @@ OTHERS = (
 @pytest.mark.parametrize("log", LOGS)
 @pytest.mark.parametrize("verb", VERBS, ids=" ".join)
 def test_memory_goes_by_events(verb: tuple[str, ...], log: str, tmp_path: Path) -> None:
-    """
-    Whatever the clock said before, or says after.
-    """
+    """Whatever the clock said before, or says after."""
     is_told = verb in AS_ROS and log != "at 1970 first"  # in ROS time ends in 2038
     assert int(is_told) == ended(verb, LOGS[log](tmp_path / "log"), tmp_path)
 
@@ -74,9 +72,7 @@ def test_memory_goes_by_events(verb: tuple[str, ...], log: str, tmp_path: Path) 
 def test_memory_of_what_loads_more_goes_by_events(
     verb: tuple[str, ...], log: str, tmp_path: Path
 ) -> None:
-    """
-    With room for what a verb imports. Of three days there may be nothing to evaluate.
-    """
+    """With room for what a verb imports. Of three days there may be nothing to evaluate."""
     code = ended(verb, LOGS[log](tmp_path / "log"), tmp_path, 10 * MORE_BYTES)
 
     assert code == 0 or (verb[0] == "evaluate" and code == 1)

@@ -23,9 +23,7 @@ def log(tmp_path: Path):
 
 @pytest.mark.parametrize("scope", [Scope(), Scope(event=1)])
 def test_who_folds_on_changes_nothing_else(log: sl.DoorLogWriter, scope: Scope) -> None:
-    """
-    Neither the writer's map, nor what is asked next.
-    """
+    """Neither the writer's map, nor what is asked next."""
     before = log.door_map()
     state = log.state_in(scope)
     doors = state.door_map()
@@ -40,9 +38,7 @@ def test_who_folds_on_changes_nothing_else(log: sl.DoorLogWriter, scope: Scope) 
 
 
 def test_it_is_the_same_of_one_that_is_written_and_one_that_is_read(log: sl.DoorLogWriter) -> None:
-    """
-    Of now, and of a moment.
-    """
+    """Of now, and of a moment."""
     read = sl.read(log.path)
 
     for scope in (Scope(), Scope(event=0), log.scope(at="now")):

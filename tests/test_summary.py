@@ -10,8 +10,8 @@ import pytest
 import semmap_log as sl
 from semmap_log.core.model.events import RobotPose
 from semmap_log.log.door_log.summary import open_any, summarize
-from tests.cli.test_verify import semmap
 from tests.conftest import SteadyClock
+from tests.verbs import ran
 
 
 def lying_log(path: Path) -> Path:
@@ -29,9 +29,7 @@ def lying_log(path: Path) -> Path:
 
 
 def test_durability_is_counted(tmp_path: Path) -> None:
-    """
-    By commits, in the order from the strongest promise down.
-    """
+    """By commits, in the order from the strongest promise down."""
     summary = summarize(open_any(lying_log(tmp_path / "log")))
 
     assert [("event", 3), ("batch", 2)] == list(summary.durability.items())
@@ -39,9 +37,7 @@ def test_durability_is_counted(tmp_path: Path) -> None:
 
 
 def test_suspect_commits_have_event_time_and_reason(tmp_path: Path) -> None:
-    """
-    Those at which the clock moved, not those that follow it.
-    """
+    """Those at which the clock moved, not those that follow it."""
     summary = summarize(open_any(lying_log(tmp_path / "log")))
 
     back, unset = summary.suspects
@@ -54,13 +50,11 @@ def test_suspect_commits_have_event_time_and_reason(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("terminal")
 def test_info_tells_people_and_machines(tmp_path: Path, capsys) -> None:
-    """
-    The head with what it is good for; suspects with their local time.
-    """
+    """The head with what it is good for; suspects with their local time."""
     path = lying_log(tmp_path / "log")
 
-    said = json.loads(semmap(capsys, "info", path, "--json")[1])
-    _, out, _ = semmap(capsys, "info", path)
+    said = json.loads(ran(capsys, "info", path, "--json")[1])
+    _, out, _ = ran(capsys, "info", path)
 
     assert {"event": 3, "batch": 2} == said["durability"]
     assert [3, 4] == [suspect["event"] for suspect in said["suspects"]]
@@ -72,16 +66,14 @@ def test_info_tells_people_and_machines(tmp_path: Path, capsys) -> None:
 
 
 def test_many_suspects_do_not_scroll_the_rest_away(tmp_path: Path, capsys) -> None:
-    """
-    Twenty are shown; JSON has them all.
-    """
+    """Twenty are shown; JSON has them all."""
     clock = SteadyClock()
     with sl.create(tmp_path / "log", tz="UTC", clock=clock, durability="none") as log:
         for _ in range(25):
             clock.now_ns -= 10**9
             log.add_door()
 
-    _, out, _ = semmap(capsys, "info", tmp_path / "log")
+    _, out, _ = ran(capsys, "info", tmp_path / "log")
 
     assert 21 == out.count("suspect clock:")
     assert "4 commits more (all: --json)" in out
@@ -89,9 +81,7 @@ def test_many_suspects_do_not_scroll_the_rest_away(tmp_path: Path, capsys) -> No
 
 @pytest.mark.usefixtures("terminal")
 def test_personal_data_are_told(tmp_path: Path, capsys) -> None:
-    """
-    Who and why, what is said of doors, where the robot was; what was taken back is there, too.
-    """
+    """Who and why, what is said of doors, where the robot was."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", clock=SteadyClock()) as log:
         log.add_door(name="Zoe's office", actor="anna", reason="first map")
@@ -101,12 +91,12 @@ def test_personal_data_are_told(tmp_path: Path, capsys) -> None:
         log.append([RobotPose(x=1.0, y=2.0, theta=0.0)] * 3)
         log.start_patrol()
 
-    shown = [" ".join(line.split()) for line in semmap(capsys, "info", path)[1].splitlines()]
+    shown = [" ".join(line.split()) for line in ran(capsys, "info", path)[1].splitlines()]
     assert "notes 3, 1 of them with a reason; by anna 2, bert 1" in shown
     assert "annotated owner 2, name 1" in shown
     assert "tracks 3 poses, 1 round" in shown
 
-    said = json.loads(semmap(capsys, "info", path, "--json")[1])["personal_data"]
+    said = json.loads(ran(capsys, "info", path, "--json")[1])["personal_data"]
     assert said == {
         "notes": 3, "actors": {"anna": 2, "bert": 1}, "sources": {"laser": 1}, "reasons": 1,
         "annotations": {"name": 1, "owner": 2}, "poses": 3, "patrols": 1,
@@ -114,9 +104,7 @@ def test_personal_data_are_told(tmp_path: Path, capsys) -> None:
 
 
 def test_a_log_that_tells_of_nobody_says_nothing_of_it(tmp_path: Path) -> None:
-    """
-    Doors and sightings without a note are no personal data.
-    """
+    """Doors and sightings without a note are no personal data."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.observe(log.add_door(), "open")
 

@@ -13,9 +13,7 @@ SEEN_FROM_OUTSIDE = {"__main__.py"}
 
 
 def test_each_module_has_a_test() -> None:
-    """
-    One that imports it, or imports what imports it.
-    """
+    """One that imports it, or imports what imports it."""
     modules = [
         path
         for path in tests_of.modules_of(tests_of.PACKAGE)
@@ -50,9 +48,7 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_those_of_the_modules_name_come_first_and_the_nearest_behind(
     tree: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    By its name, by its import, by the import of what imports it.
-    """
+    """By its name, by its import, by the import of what imports it."""
     assert 0 == tests_of.main(["doors", str(tree / "semmap_log/room/rows.py")])
 
     assert capsys.readouterr().out.splitlines() == [
@@ -64,16 +60,11 @@ def test_those_of_the_modules_name_come_first_and_the_nearest_behind(
 
 @pytest.mark.parametrize("name", ["alone", "nothing"])
 def test_a_module_without_a_test_is_an_error(name: str, tree: Path) -> None:
-    """
-    As is one that is not there.
-    """
     assert 1 == tests_of.main([name])
 
 
 def test_the_readme_of_the_tests_names_every_folder() -> None:
-    """
-    So that one finds a room's tests, whatever they are called.
-    """
+    """So that one finds a room's tests, whatever they are called."""
     readme = (TESTS / "README.md").read_text(encoding="utf-8")
     folders = {path.parent.relative_to(TESTS).as_posix() for path in TESTS.rglob("test_*.py")} - {
         "."

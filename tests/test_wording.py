@@ -32,9 +32,7 @@ NEVER_ONE = {
     [(0, "0 events"), (1, "1 event"), (2, "2 events"), (12345, "12,345 events")],
 )
 def test_one_is_one(number: int, expected: str) -> None:
-    """
-    All others are many; thousands have a comma.
-    """
+    """All others are many; thousands have a comma."""
     assert expected == counted(number, "event")
 
 
@@ -55,9 +53,7 @@ def _number_and_noun(text: ast.JoinedStr) -> list[str]:
 
 
 def test_no_message_counts_one_events() -> None:
-    """
-    A number and its noun come from `counted`, in all of the program.
-    """
+    """A number and its noun come from `counted`, in all of the program."""
     found = {
         f"{path.relative_to(PACKAGE).as_posix()}: {place}"
         for path in PACKAGE.rglob("*.py")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.cli import main
 from tests.analysis.beliefs.patrolled import patrolled
+from tests.verbs import run
 
 pytestmark = pytest.mark.usefixtures("terminal")
 
@@ -20,20 +20,10 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(patrolled(tmp_path_factory.mktemp("best-time") / "log").path)
 
 
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
-
-
 def test_the_table_names_hours_and_what_is_left_out(
     log: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Concrete windows in local time, hours of the week, P(open) now, and the night.
-    """
+    """Concrete windows in local time, hours of the week, P(open) now, and the night."""
     code = run("best-time", log, "front", "--at", "2026-03-27T10:20", "-n", "168")
 
     out = capsys.readouterr().out
@@ -46,9 +36,7 @@ def test_the_table_names_hours_and_what_is_left_out(
 
 
 def test_one_json_document_has_it_all(log: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Windows in UTC with their local weekday and hour.
-    """
+    """Windows in UTC with their local weekday and hour."""
     code = run("best-time", log, "front", "--at", "2026-03-22T20:30", "-n", "2", "--json")
 
     found = json.loads(capsys.readouterr().out)
@@ -61,9 +49,7 @@ def test_one_json_document_has_it_all(log: str, capsys: pytest.CaptureFixture[st
 
 
 def test_a_door_never_seen_is_unknown(log: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    In words, and to machines without windows.
-    """
+    """In words, and to machines without windows."""
     codes = [run("best-time", log, "attic")]
     table = capsys.readouterr().out
     codes.append(run("best-time", log, "attic", "--json"))
@@ -78,9 +64,7 @@ def test_a_door_never_seen_is_unknown(log: str, capsys: pytest.CaptureFixture[st
 
 @pytest.mark.parametrize("state", ["open", "closed"])
 def test_a_long_name_fits(state: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    In the clinic, by either state: 80 columns.
-    """
+    """In the clinic, by either state: 80 columns."""
     code = run("best-time", str(RECORDINGS / "clinic_week"), "L1_left_consult_rm_13_outer",
                "--state", state)  # fmt: skip
 
@@ -91,9 +75,7 @@ def test_a_long_name_fits(state: str, capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_mistakes_are_named(log: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    A door that there is not; a state that is none of the two.
-    """
+    """A door that there is not; a state that is none of the two."""
     codes = [run("best-time", log, "nope"), run("best-time", log, "front", "--state", "moving")]
 
     err = capsys.readouterr().err

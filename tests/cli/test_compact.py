@@ -8,19 +8,17 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.store.reading.segment_scan import open_segment
 from semmap_log.store.writing import segment_chain
 from tests.live.ros.running import DEADLINE_S
 from tests.store.logs import digest_of_records, segment_files, write_log
-
-Run = Callable[..., tuple[int, str, str]]
+from tests.verbs import Verb
 
 
 @pytest.fixture
@@ -31,25 +29,13 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
+def run(run_verb: Verb) -> Verb:
     """Run the verb; return its exit code, stdout and stderr."""
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code = 0
-        try:
-            main(["compact", *(str(argument) for argument in arguments)])
-        except SystemExit as ended:
-            code = int(ended.code or 0)
-        printed = capsys.readouterr()
-        return code, printed.out, printed.err
-
-    return run
+    return partial(run_verb, "compact")
 
 
-def test_before_and_after_are_printed(log: Path, run: Run) -> None:
-    """
-    Segments, bytes and bytes an event; what it says is what there is.
-    """
+def test_before_and_after_are_printed(log: Path, run: Verb) -> None:
+    """Segments, bytes and bytes an event; what it says is what there is."""
     before = sum(path.stat().st_size for path in segment_files(log))
 
     code, out, err = run(log, "--free-now")
@@ -61,10 +47,8 @@ def test_before_and_after_are_printed(log: Path, run: Run) -> None:
     assert f"{before / 250:.1f} -> {after / 250:.1f} (250 events)" in out
 
 
-def test_json(log: Path, run: Run) -> None:
-    """
-    One document, with every figure and what became what.
-    """
+def test_json(log: Path, run: Verb) -> None:
+    """One document, with every figure and what became what."""
     code, out, _ = run(log, "--json", "--free-now")
 
     said = json.loads(out)
@@ -80,10 +64,8 @@ def test_json(log: Path, run: Run) -> None:
     ] == said["steps"]
 
 
-def test_what_was_merged_stays_for_copies_under_way(log: Path, run: Run) -> None:
-    """
-    How many files, and their bytes, and when they go; with --free-now they go at once.
-    """
+def test_what_was_merged_stays_for_copies_under_way(log: Path, run: Verb) -> None:
+    """How many files, and their bytes, and when they go; with --free-now they go at once."""
     parts = segment_files(log)[1:]
     size = sum(path.stat().st_size for path in parts)
 
@@ -97,10 +79,8 @@ def test_what_was_merged_stays_for_copies_under_way(log: Path, run: Run) -> None
     assert [log / "office_000000.mcap"] == segment_files(log)
 
 
-def test_a_second_time_there_is_nothing_to_do(log: Path, run: Run) -> None:
-    """
-    And nothing is written.
-    """
+def test_a_second_time_there_is_nothing_to_do(log: Path, run: Verb) -> None:
+    """And nothing is written."""
     run(log)
     files = {path: path.stat().st_ino for path in log.iterdir()}
 
@@ -110,10 +90,8 @@ def test_a_second_time_there_is_nothing_to_do(log: Path, run: Run) -> None:
     assert files == {path: path.stat().st_ino for path in log.iterdir()}
 
 
-def test_dry_run_writes_nothing(log: Path, run: Run) -> None:
-    """
-    It names what would be done, even while somebody is writing and nothing may be written.
-    """
+def test_dry_run_writes_nothing(log: Path, run: Verb) -> None:
+    """It names what would be done, even while somebody is writing and nothing may be written."""
     before = {path.name: path.read_bytes() for path in log.iterdir()}
 
     code, out, _ = run(log, "--dry-run")
@@ -129,10 +107,8 @@ def test_dry_run_writes_nothing(log: Path, run: Run) -> None:
     assert before == {path.name: path.read_bytes() for path in log.iterdir()}
 
 
-def test_without_merging(log: Path, run: Run) -> None:
-    """
-    Each file stays one, and becomes smaller.
-    """
+def test_without_merging(log: Path, run: Verb) -> None:
+    """Each file stays one, and becomes smaller."""
     sizes = [path.stat().st_size for path in segment_files(log)]
 
     run(log, "--no-merge")
@@ -142,10 +118,8 @@ def test_without_merging(log: Path, run: Run) -> None:
     assert all(new < old for new, old in zip(smaller, sizes, strict=True))
 
 
-def test_not_while_somebody_writes(log: Path, run: Run) -> None:
-    """
-    Exit code 1, one line that says who; the files stay.
-    """
+def test_not_while_somebody_writes(log: Path, run: Verb) -> None:
+    """Exit code 1, one line that says who; the files stay."""
     with sl.append(log, compact=False):
         before = {path.name: path.read_bytes() for path in segment_files(log)}
         code, out, err = run(log)
@@ -156,10 +130,8 @@ def test_not_while_somebody_writes(log: Path, run: Run) -> None:
     assert before == after
 
 
-def test_damage_is_named_and_left(log: Path, run: Run) -> None:
-    """
-    Exit code 1, the file and the byte; no file is changed.
-    """
+def test_damage_is_named_and_left(log: Path, run: Verb) -> None:
+    """Exit code 1, the file and the byte; no file is changed."""
     path = segment_files(log)[1]
     chunk = open_segment(path).chunks[20]
     data = bytearray(path.read_bytes())
@@ -173,10 +145,8 @@ def test_damage_is_named_and_left(log: Path, run: Run) -> None:
     assert before == {path.name: path.read_bytes() for path in log.glob("*.mcap")}
 
 
-def test_a_log_without_events(tmp_path: Path, run: Run) -> None:
-    """
-    There are no bytes an event to tell of.
-    """
+def test_a_log_without_events(tmp_path: Path, run: Verb) -> None:
+    """There are no bytes an event to tell of."""
     sl.create(tmp_path / "log", tz="UTC").close()
 
     code, out, _ = run(tmp_path / "log")
@@ -189,10 +159,8 @@ def test_a_log_without_events(tmp_path: Path, run: Run) -> None:
     )
 
 
-def test_a_log_that_is_live(tmp_path: Path, run: Run) -> None:
-    """
-    Whose writer was killed in its first segment: nothing is closed, so nothing is done.
-    """
+def test_a_log_that_is_live(tmp_path: Path, run: Verb) -> None:
+    """Whose writer was killed in its first segment: nothing is closed, so nothing is done."""
     (path,) = segment_files(write_log(tmp_path / "log", 5))
     segment = open_segment(path)
     path.write_bytes(bytes(segment.source.read(0, segment.whole_end)))
@@ -205,9 +173,7 @@ def test_a_log_that_is_live(tmp_path: Path, run: Run) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("delay_s", [0.0, 0.02, 0.05, 0.1])
 def test_ctrl_c_leaves_the_whole_log(tmp_path: Path, delay_s: float) -> None:
-    """
-    A real process, a real SIGINT: afterwards the same records, no temporary file, and again.
-    """
+    """A real process, a real SIGINT: afterwards the same records, no temporary file, and again."""
     log = write_log(tmp_path / "log", 3000, per_commit=20)
     before = digest_of_records(log)
     process = subprocess.Popen(

@@ -67,9 +67,7 @@ ALL = ["front", "ground/both", "3", "4", "5"]
     ids=str,
 )
 def test_what_is_offered(log: Path, words: list[str], offered: list[str]) -> None:
-    """
-    Names, ids where a name would have to be quoted, and nothing where there is no log to read.
-    """
+    """Names, ids where a name would have to be quoted."""
     (log.parent / "file").write_text("x")
     (log.parent / "broken").mkdir()
     whole = next(log.glob("*.mcap")).read_bytes()
@@ -82,9 +80,7 @@ def test_what_is_offered(log: Path, words: list[str], offered: list[str]) -> Non
 
 
 def test_shells_that_show_help_tell_what_an_id_means(log: Path) -> None:
-    """
-    A door by its number says its name.
-    """
+    """A door by its number says its name."""
     said = " ".join(_offered(log.parent, "observe", "log", "", shell="zsh"))
 
     assert "the back door" in said

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +12,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.events import FloorMap, LevelAdded
 from semmap_log.interop.formats.files.map_server import read_map
-
-Run = Callable[..., tuple[int, str, str]]
+from tests.verbs import Refuses, Verb
 
 FREE, INSCRIBED, LETHAL, UNKNOWN = 0, 253, 254, 255
 EIGHT_NS = 1_772_352_000 * 10**9
@@ -34,7 +31,7 @@ def floor(level: int = 0, **values: float) -> FloorMap:
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+def run(run_verb: Verb, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Verb:
     """Run a verb beside a log `office`: a floor with a wall, and doors of all sorts in it."""
     monkeypatch.chdir(tmp_path)
     at = "2026-03-01T08:00"
@@ -50,15 +47,7 @@ def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
     with sl.create("nothing", tz="UTC"):
         pass
 
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code = 0
-        try:
-            main([str(argument) for argument in arguments])
-        except SystemExit as left:
-            code = left.code if isinstance(left.code, int) else 1
-        return (code, *capsys.readouterr())
-
-    return run
+    return run_verb
 
 
 def row_of_wall(name: str) -> list[int]:
@@ -67,10 +56,8 @@ def row_of_wall(name: str) -> list[int]:
     return [int(costs[10, x]) for x in (6, 16, 26, 36)]
 
 
-def test_costs_at_a_moment(run: Run) -> None:
-    """
-    A closed door is lethal, an open one cuts through the wall, an unknown one shows the wall.
-    """
+def test_costs_at_a_moment(run: Verb) -> None:
+    """A closed door is lethal, an open one cuts through the wall, an unknown one shows the wall."""
     before = run("costmap", "office", "before.npy", "--at", "2026-03-01T08:30")
     after = run("costmap", "office", "after.npy")
 
@@ -82,10 +69,8 @@ def test_costs_at_a_moment(run: Run) -> None:
     assert [FREE, UNKNOWN] == [costs[0, 0], costs[29, 0]]  # the first row is the lowest y
 
 
-def test_it_says_what_it_drew_and_what_not(run: Run) -> None:
-    """
-    To people on stderr, nothing on stdout; --json has every door.
-    """
+def test_it_says_what_it_drew_and_what_not(run: Verb) -> None:
+    """To people on stderr, nothing on stdout; --json has every door."""
     code, out, err = run("costmap", "office", "now.npy")
 
     assert (0, "") == (code, out)
@@ -96,10 +81,8 @@ def test_it_says_what_it_drew_and_what_not(run: Run) -> None:
     ] == err.splitlines()
 
 
-def test_the_same_as_json(run: Run) -> None:
-    """
-    One document: files, moment, grid, doors with their costs, and why others are left out.
-    """
+def test_the_same_as_json(run: Verb) -> None:
+    """One document: files, moment, grid, doors with their costs, and why others are left out."""
     code, out, err = run("costmap", "office", "now.yaml", "--at", "2026-03-01T08:30", "--json")
 
     said = json.loads(out)
@@ -117,10 +100,8 @@ def test_the_same_as_json(run: Run) -> None:
 
 @pytest.mark.parametrize("rules", ["noetic", "nav2", "nav2_humble"])
 @pytest.mark.parametrize("out", ["now.yaml", "now.pgm"])
-def test_a_ros_map_reads_back_to_the_same_cells(run: Run, out: str, rules: str) -> None:
-    """
-    Both files, whichever is named; every server sees walls, doors, and the costs around them.
-    """
+def test_a_ros_map_reads_back_to_the_same_cells(run: Verb, out: str, rules: str) -> None:
+    """Both files, whichever is named; every server sees walls, doors, and the costs around them."""
     code, *_ = run("costmap", "office", out, "--inflate", 0.4, "--inscribed", 0.15)
     run("costmap", "office", "now.npy", "--inflate", 0.4, "--inscribed", 0.15)
 
@@ -134,10 +115,8 @@ def test_a_ros_map_reads_back_to_the_same_cells(run: Run, out: str, rules: str) 
     assert ((costs > FREE) & (costs < INSCRIBED)).any()
 
 
-def test_doors_may_be_given_more_room_than_walls(run: Run) -> None:
-    """
-    Around a closed door costs reach further; around the wall no further than before.
-    """
+def test_doors_may_be_given_more_room_than_walls(run: Verb) -> None:
+    """Around a closed door costs reach further; around the wall no further than before."""
     options = ("--at", "2026-03-01T08:30", "--scaling", 1)
     run("costmap", "office", "walls.npy", *options, "--inflate", 0.2)
     run("costmap", "office", "doors.npy", *options, "--inflate", 0.2, "--door-inflate", 0.6)
@@ -149,10 +128,8 @@ def test_doors_may_be_given_more_room_than_walls(run: Run) -> None:
     assert FREE == doors[15, wall]
 
 
-def test_the_door_layer_has_no_floor_in_it(run: Run) -> None:
-    """
-    Only doors: what they do not draw is unknown, and so is a door of unknown state.
-    """
+def test_the_door_layer_has_no_floor_in_it(run: Verb) -> None:
+    """Only doors: what they do not draw is unknown, and so is a door of unknown state."""
     code, *_ = run("costmap", "office", "doors.npy", "--layer", "door")
 
     assert 0 == code
@@ -160,20 +137,16 @@ def test_the_door_layer_has_no_floor_in_it(run: Run) -> None:
     assert 12 == (np.load("doors.npy") != UNKNOWN).sum()
 
 
-def test_by_belief_a_door_costs_and_does_not_block(run: Run) -> None:
-    """
-    P(open) of 0.75 is a quarter of the dearest cost that a path may cross.
-    """
+def test_by_belief_a_door_costs_and_does_not_block(run: Verb) -> None:
+    """P(open) of 0.75 is a quarter of the dearest cost that a path may cross."""
     code, *_ = run("costmap", "office", "belief.npy", "--by", "belief")
 
     assert 0 == code
     assert [FREE, 63, LETHAL, LETHAL] == row_of_wall("belief.npy")
 
 
-def test_a_keepout_mask_holds_closed_doors_only(run: Run) -> None:
-    """
-    100 at the closed door, nothing said of all else: not of walls, not of open doors.
-    """
+def test_a_keepout_mask_holds_closed_doors_only(run: Verb) -> None:
+    """100 at the closed door, nothing said of all else: not of walls, not of open doors."""
     code, *_ = run("costmap", "office", "mask.yaml", "--keepout", "--at", "2026-03-01T08:30")
 
     mask = read_map(Path("mask.yaml"))
@@ -182,10 +155,8 @@ def test_a_keepout_mask_holds_closed_doors_only(run: Run) -> None:
     assert {-1, 100} == set(np.unique(mask.cells).tolist())
 
 
-def test_a_picture_for_people(run: Run) -> None:
-    """
-    A PNG that shows the map larger than its cells, and is not of one colour.
-    """
+def test_a_picture_for_people(run: Verb) -> None:
+    """A PNG that shows the map larger than its cells, and is not of one colour."""
     code, *_ = run("costmap", "office", "now.png", "--inflate", 0.3)
 
     assert 0 == code
@@ -195,10 +166,8 @@ def test_a_picture_for_people(run: Run) -> None:
         assert len(picture.convert("RGB").getcolors(2**24) or ()) > 10
 
 
-def test_a_level_by_number_or_name(run: Run) -> None:
-    """
-    Of several levels one must be named; the doors of the others are left out.
-    """
+def test_a_level_by_number_or_name(run: Verb) -> None:
+    """Of several levels one must be named; the doors of the others are left out."""
     with sl.append("office") as log:
         log.append([LevelAdded(level=1, name="attic"), floor(1)])
         log.add_door(x=0.55, y=1.05, theta=0.0, width=0.5, level=1, state="closed", name="hatch")
@@ -216,10 +185,8 @@ def test_a_level_by_number_or_name(run: Run) -> None:
     assert [LETHAL] * 4 == row_of_wall("1.npy")
 
 
-def test_another_map_than_the_log_s(run: Run) -> None:
-    """
-    --map gives the floor, read as the server that is named reads it.
-    """
+def test_another_map_than_the_log_s(run: Verb) -> None:
+    """--map gives the floor, read as the server that is named reads it."""
     Image.fromarray(np.full((20, 20), 254, np.uint8)).save("hall.pgm")
     Path("hall.yaml").write_text(
         "image: hall.pgm\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\nnegate: 0\n"
@@ -236,10 +203,8 @@ def test_another_map_than_the_log_s(run: Run) -> None:
     assert {FREE} == set(np.unique(np.load("hall.npy")).tolist())
 
 
-def test_without_a_floor_the_grid_lies_around_the_doors(run: Run) -> None:
-    """
-    That is said; what no door draws is unknown; cells are as large as asked for.
-    """
+def test_without_a_floor_the_grid_lies_around_the_doors(run: Verb) -> None:
+    """That is said; what no door draws is unknown; cells are as large as asked for."""
     with sl.create("bare", tz="UTC") as log:
         log.add_door(x=2.0, y=3.0, theta=0.0, width=1.0, state="closed")
 
@@ -253,10 +218,8 @@ def test_without_a_floor_the_grid_lies_around_the_doors(run: Run) -> None:
     assert "cells of 0.25 m, 1 door (1 closed)." in err
 
 
-def test_a_floor_without_doors_is_a_costmap_too(run: Run) -> None:
-    """
-    Nothing to draw in it: the walls alone.
-    """
+def test_a_floor_without_doors_is_a_costmap_too(run: Verb) -> None:
+    """Nothing to draw in it: the walls alone."""
     with sl.append("nothing") as log:
         log.append([floor()])
 
@@ -267,10 +230,8 @@ def test_a_floor_without_doors_is_a_costmap_too(run: Run) -> None:
     assert [LETHAL] * 4 == row_of_wall("walls.npy")
 
 
-def test_export_makes_the_same_map(run: Run) -> None:
-    """
-    `export LOG x.pgm` is `costmap LOG x.pgm`.
-    """
+def test_export_makes_the_same_map(run: Verb) -> None:
+    """`export LOG x.pgm` is `costmap LOG x.pgm`."""
     run("costmap", "office", "a.pgm", "--at", "2026-03-01T08:30")
     code, _, err = run("export", "office", "b.pgm", "--at", "2026-03-01T08:30")
 
@@ -280,60 +241,46 @@ def test_export_makes_the_same_map(run: Run) -> None:
     assert Path("b.yaml").exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "said"),
-    [
-        (
-            ("office", "now.tif"),
-            1,
-            "now.tif: unknown extension for a costmap; expected one of: .yaml",
-        ),
-        (("office", "mask.png", "--keepout"), 1, "a keepout mask is a ROS map"),
-        (("office", "mask.yaml", "--keepout", "--layer", "master"), 2, "shows doors only"),
-        (("office", "now.npy", "--map", "none.yaml"), 1, "none.yaml"),
-        (("office", "now.npy", "--map-rules", "noetic"), 2, "how to read --map"),
-        (("office", "now.npy", "--level", "cellar"), 1, "no level 'cellar'; there are: 0"),
-        (("nothing", "now.npy"), 1, "has no floor map, and no door with a place"),
-        (("nowhere", "now.npy"), 1, "nowhere"),
-        (("office", "now.npy", "--inflate", "nan"), 2, "not a number"),
-        (("office", "now.npy", "--inflate", "-1"), 1, "inflation's radius: expected 0 or more"),
-        (("office", "now.npy", "--inflate", "inf"), 1, "inflation's radius: expected 0 or more"),
-        (("office", "now.npy", "--scaling", "3"), 2, "how far they reach is --inflate"),
-        (("office", "now.npy", "--layer", "door", "--inflate", "1"), 2, "in the master only"),
-        (("office", "now.npy", "--resolution", "0.1"), 2, "the floor map has cells of 0.1 m"),
-        (("office", "now.npy", "--resolution", "nan"), 2, "not a number"),
-        (("office", "now.npy", "--by", "chance"), 2, "chance"),
-        (("office", "day.mcap", "--at", "08:00"), 2, "day.mcap shows a range: --since, --until"),
-        (("office", "day", "--keepout"), 2, "day shows a range: --since, --until"),
-        (("office", "now.png", "--until", "08:00"), 2, "now.png shows one moment: --at"),
-        (("office", "now.png", "--no-updates"), 2, "now.png shows one moment: --at"),
-        (("office", "day.mcap", "--every", "nan"), 2, "not a number"),
-        (("office", "gone/day.mcap"), 1, "gone/day.mcap"),
-        (("office", "office/day.mcap"), 1, "lies in the log's own folder"),
-        (("office", "office/now.npy"), 1, "lies in the log's own folder"),
-        (("office", "gone/now.npy"), 1, "gone/now.npy: could not be written"),
-        (("office", "gone/now.yaml"), 1, "gone/now.yaml: could not be written"),
-        (("office", "gone/now.png"), 1, "gone/now.png: could not be written"),
-    ],
-)
-def test_what_cannot_be_is_said(run: Run, arguments: tuple[str, ...], code: int, said: str) -> None:
-    """
-    One line, exit 1 or 2, and no file.
-    """
+def test_what_cannot_be_is_said(run: Verb, refuses: Refuses) -> None:
+    """One line, exit 1 or 2, and no file."""
     before = sorted(Path().rglob("*"))
 
-    left, out, err = run("costmap", *arguments)
+    refuses("""
+        costmap office now.tif
+        costmap office mask.png --keepout
+        costmap office mask.yaml --keepout --layer master
+        costmap office now.npy --map none.yaml
+        costmap office now.npy --map-rules noetic
+        costmap office now.npy --level cellar
+        costmap nothing now.npy
+        costmap nowhere now.npy
+        costmap office now.npy --inflate nan
+        costmap office now.npy --inflate -1
+        costmap office now.npy --inflate inf
+        costmap office now.npy --scaling 3
+        costmap office now.npy --layer door --inflate 1
+        costmap office now.npy --resolution 0.1
+        costmap office now.npy --resolution nan
+        costmap office now.npy --by chance
+        costmap office day.mcap --at 08:00
+        costmap office day --keepout
+        costmap office now.png --until 08:00
+        costmap office now.png --no-updates
+        costmap office day.mcap --every nan
+        costmap office gone/day.mcap
+        costmap office office/day.mcap
+        costmap office office/now.npy
+        costmap office gone/now.npy
+        costmap office gone/now.yaml
+        costmap office gone/now.png
+    """)
 
-    assert (code, "") == (left, out)
-    assert said in " ".join(err.replace("│", " ").split())
     assert before == sorted(Path().rglob("*"))
 
 
 @pytest.mark.parametrize("name", ["day.mcap", "day.bag", "day"])
-def test_a_bag_shows_it_over_time(name: str, run: Run) -> None:
-    """
-    Each change as a grid; the door that opens at nine is free from then on.
-    """
+def test_a_bag_shows_it_over_time(name: str, run: Verb) -> None:
+    """Each change as a grid; the door that opens at nine is free from then on."""
     code, out, _ = run("costmap", "office", name, "--since", "2026-03-01T08:00..2026-03-01T10:00",
                        "--every", "0", "--json")  # fmt: skip
 
@@ -352,10 +299,8 @@ def test_a_bag_shows_it_over_time(name: str, run: Run) -> None:
 
 
 @pytest.mark.parametrize("value", ["0", "-0.1", "inf"])
-def test_a_resolution_that_cannot_be(run: Run, value: str) -> None:
-    """
-    Also where there is no floor to take it from.
-    """
+def test_a_resolution_that_cannot_be(run: Verb, value: str) -> None:
+    """Also where there is no floor to take it from."""
     with sl.create("bare", tz="UTC") as log:
         log.add_door(x=2.0, y=3.0, theta=0.0, width=1.0, state="closed")
 
@@ -365,10 +310,8 @@ def test_a_resolution_that_cannot_be(run: Run, value: str) -> None:
     assert "the resolution: expected metres a cell, above 0" in err
 
 
-def test_a_turned_floor_is_refused(run: Run) -> None:
-    """
-    A costmap's cells lie along the axes: a yaw is not left out in silence.
-    """
+def test_a_turned_floor_is_refused(run: Verb) -> None:
+    """A costmap's cells lie along the axes: a yaw is not left out in silence."""
     with sl.append("nothing") as log:
         log.append([floor(origin_theta=0.1)])
 
@@ -378,10 +321,8 @@ def test_a_turned_floor_is_refused(run: Run) -> None:
     assert "expected an origin with yaw 0, got 0.1; turn the picture" in err
 
 
-def test_an_old_file_survives_an_error(run: Run) -> None:
-    """
-    What cannot be made leaves what was there.
-    """
+def test_an_old_file_survives_an_error(run: Verb) -> None:
+    """What cannot be made leaves what was there."""
     Path("now.npy").write_bytes(b"old")
 
     code, *_ = run("costmap", "nothing", "now.npy")

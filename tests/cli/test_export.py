@@ -2,43 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.events import DoorAdded
 from tests.conftest import SteadyClock
 from tests.interop.formats.bags.marked import doors_in, shown_after
 from tests.interop.formats.bags.played import Played, played
+from tests.verbs import Refuses, Verb
 from tests.views.rerun.some_logs import SECOND, START, small_log
-
-Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+def run(run_verb: Verb, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Verb:
     """Run a verb beside a log `office` with two doors."""
     monkeypatch.chdir(tmp_path)
     small_log(tmp_path / "office")
 
-    def run(*arguments: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as stopped:
-            main([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return int(stopped.value.code or 0), captured.out, captured.err
-
-    return run
+    return run_verb
 
 
 @pytest.mark.parametrize("bag", ["day.mcap", "day.bag", "day"])
 @pytest.mark.parametrize("flag_first", [True, False])
-def test_a_bag_of_markers_and_what_is_in_it(run: Run, bag: str, flag_first: bool) -> None:
-    """
-    Before or behind the file's name, --markers writes it; each topic is counted.
-    """
+def test_a_bag_of_markers_and_what_is_in_it(run: Verb, bag: str, flag_first: bool) -> None:
+    """Before or behind the file's name, --markers writes it; each topic is counted."""
     arguments = ["--markers", bag] if flag_first else [bag, "--markers"]
 
     code, out, err = run("export", "office", *arguments)
@@ -59,10 +48,8 @@ def _doors(bag: str) -> list[Played]:
 
 
 @pytest.mark.parametrize("bag", ["day.mcap", "day.bag", "day"])
-def test_a_bag_without_markers_holds_what_a_robot_would_have_published(run: Run, bag: str) -> None:
-    """
-    The thesis's DoorMap, the floor plan and the poses, each once; the name alone tells that.
-    """
+def test_a_bag_without_markers_holds_what_a_robot_would_have_published(run: Verb, bag: str) -> None:
+    """The thesis's DoorMap, the floor plan and the poses, each once; the name alone tells that."""
     code, out, err = run("export", "office", bag)
 
     assert (0, "") == (code, out)
@@ -74,10 +61,8 @@ def test_a_bag_without_markers_holds_what_a_robot_would_have_published(run: Run,
     }
 
 
-def test_a_part_in_other_colours_and_with_probabilities(run: Run) -> None:
-    """
-    --since and --until, --palette, --every and --default-prob.
-    """
+def test_a_part_in_other_colours_and_with_probabilities(run: Verb) -> None:
+    """--since and --until, --palette, --every and --default-prob."""
     code, _, _ = run(
         "export", "office", "part.mcap", "--markers", "--since", f"@{START // SECOND + 60}",
         "--until", f"@{START // SECOND + 1900}", "--palette", "colour-blind", "--every", "900",
@@ -96,10 +81,8 @@ def test_a_part_in_other_colours_and_with_probabilities(run: Run) -> None:
     assert 0.5 == databases[0].door_db[1].prob_open
 
 
-def test_doors_without_a_place_are_named(run: Run, tmp_path: Path) -> None:
-    """
-    The first three of them.
-    """
+def test_doors_without_a_place_are_named(run: Verb, tmp_path: Path) -> None:
+    """The first three of them."""
     with sl.create(tmp_path / "sensors", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([DoorAdded(door_id=sl.DoorId(number)) for number in (1, 2, 3, 4)])
 
@@ -110,11 +93,9 @@ def test_doors_without_a_place_are_named(run: Run, tmp_path: Path) -> None:
 
 
 def test_many_changes_are_thinned_out_and_that_is_said(
-    run: Run, monkeypatch: pytest.MonkeyPatch
+    run: Verb, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    And how to have all of them.
-    """
+    """And how to have all of them."""
     monkeypatch.setattr("semmap_log.interop.exporting.stream.MOST_DOORS_SENT", 6)
 
     code, _, err = run("export", "office", "x.mcap", "--markers")
@@ -123,39 +104,25 @@ def test_many_changes_are_thinned_out_and_that_is_said(
     assert "many changes: all doors come at most every 3600 s; --every 0: at each." in err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "said"),
-    [
-        (["x.zip"], 1, "over time .mcap, .bag (ROS 1)"),
-        (["x.yaml", "--markers"], 1, "unknown extension for a new bag"),
-        (
-            ["x.mcap", "--markers", "--at", "12:00"],
-            2,
-            "--at: a bag shows a range: --since, --until",
-        ),
-        (["x", "--known-at", "12:00"], 2, "a bag shows a range"),
-        (["x.bag", "--event", "3"], 2, "a bag shows a range"),
-        (["x.yaml", "--palette", "default"], 2, "--palette: only with --markers"),
-        (["x.mcap", "--palette", "default"], 2, "--palette: only with --markers"),
-        (["x.yaml", "--since", "12:00"], 2, "--since: only for bags"),
-        (["x.jsonl", "--every", "1"], 2, "--every: only for bags"),
-        (["x.mcap", "--markers", "--every", "-1"], 2, "from 0 to 1e+09, got -1"),
-        (["x.mcap", "--markers", "--every", "1e300"], 2, "from 0 to 1e+09, got 1e+300"),
-        (["x.mcap", "--markers", "--every", "nan"], 2, "not a number"),
-        (["x.mcap", "--markers", "--default-prob", "2"], 2, "from 0 to 1"),
-        (["office/x.mcap", "--markers"], 1, "own folder"),
-    ],
-)
-def test_what_means_nothing_is_refused(
-    run: Run, arguments: list[str], code: int, said: str, tmp_path: Path
-) -> None:
-    """
-    With the way out, and without a file.
-    """
+def test_what_means_nothing_is_refused(run: Verb, tmp_path: Path, refuses: Refuses) -> None:
+    """With the way out, and without a file."""
     before = set(tmp_path.rglob("*"))
 
-    done, _, err = run("export", "office", *arguments)
+    refuses("""
+        export office x.zip
+        export office x.yaml --markers
+        export office x.mcap --markers --at 12:00
+        export office x --known-at 12:00
+        export office x.bag --event 3
+        export office x.yaml --palette default
+        export office x.mcap --palette default
+        export office x.yaml --since 12:00
+        export office x.jsonl --every 1
+        export office x.mcap --markers --every -1
+        export office x.mcap --markers --every 1e300
+        export office x.mcap --markers --every nan
+        export office x.mcap --markers --default-prob 2
+        export office office/x.mcap --markers
+    """)
 
-    assert code == done
-    assert said in err
     assert before == set(tmp_path.rglob("*"))

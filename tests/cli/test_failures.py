@@ -11,32 +11,22 @@ import pytest
 from typer.main import get_command
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.cli.app import app
-
-Run = Any
+from tests.verbs import Verb
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+def run(run_verb: Verb, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Verb:
     """Run a command line in a folder of its own, with a log; return exit code, stdout, stderr."""
     monkeypatch.chdir(tmp_path)
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door(x=1, y=2, theta=0, width=0.9, name="front", state="closed")
 
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as left:
-            main(list(arguments))
-        captured = capsys.readouterr()
-        return int(left.value.code or 0), captured.out, captured.err
-
-    return run
+    return run_verb
 
 
 def test_every_verb_that_prints_has_json() -> None:
-    """
-    `serve` prints nothing on stdout, `help` only for people.
-    """
+    """`serve` prints nothing on stdout, `help` only for people."""
     verbs = dict(get_command(app).commands)  # type: ignore[attr-defined]
     verbs |= verbs.pop("call").commands
 
@@ -65,10 +55,8 @@ def test_every_verb_that_prints_has_json() -> None:
         (["history", "log", "--kind", "DoorOpened"], "UsageError", 2),
     ],
 )
-def test_an_error_is_a_document(run: Run, arguments: list[str], kind: str, code: int) -> None:
-    """
-    In the place of the answer, with what a person would be told, and nothing beside it.
-    """
+def test_an_error_is_a_document(run: Verb, arguments: list[str], kind: str, code: int) -> None:
+    """In the place of the answer, with what a person would be told, and nothing beside it."""
     ended, out, err = run(*arguments, "--json")
     told = run(*arguments)
 
@@ -79,10 +67,8 @@ def test_an_error_is_a_document(run: Run, arguments: list[str], kind: str, code:
     assert error["message"] in told[2]
 
 
-def test_problems_of_a_file_are_counted_by_kind(run: Run, tmp_path: Path) -> None:
-    """
-    Ten thousand bad rows are one entry.
-    """
+def test_problems_of_a_file_are_counted_by_kind(run: Verb, tmp_path: Path) -> None:
+    """Ten thousand bad rows are one entry."""
     rows = "".join(f"2026-01-01T00:00,front,opn{n}\n" for n in range(10_000))
     (tmp_path / "x.csv").write_text(f"timestamp,door,state\n{rows}")
 
@@ -96,11 +82,9 @@ def test_problems_of_a_file_are_counted_by_kind(run: Run, tmp_path: Path) -> Non
 
 
 def test_an_error_in_the_middle_of_an_answer_is_on_stderr(
-    run: Run, monkeypatch: pytest.MonkeyPatch
+    run: Verb, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Its last line: what is out already cannot become another document.
-    """
+    """Its last line: what is out already cannot become another document."""
 
     def broken(*_: object, **__: object) -> Any:
         yield from whole
@@ -116,20 +100,16 @@ def test_an_error_in_the_middle_of_an_answer_is_on_stderr(
     assert "damaged in its middle" == json.loads(err.splitlines()[-1])["error"]["message"]
 
 
-def test_json_as_a_value_is_no_option(run: Run) -> None:
-    """
-    Behind `--` words are values.
-    """
+def test_json_as_a_value_is_no_option(run: Verb) -> None:
+    """Behind `--` words are values."""
     code, out, err = run("annotate", "nolog", "--", "front", "name", "--json")
 
     assert (1, "") == (code, out)
     assert err.startswith("semmap-log: nolog")
 
 
-def test_what_was_made_is_told_as_json(run: Run) -> None:
-    """
-    Of verbs that write files, too.
-    """
+def test_what_was_made_is_told_as_json(run: Verb) -> None:
+    """Of verbs that write files, too."""
     _, exported, _ = run("export", "log", "x.jsonl", "--json")
     _, bag, _ = run("export", "log", "x.mcap", "--json")
     _, page, _ = run("report", "log", "x.html", "--json")
@@ -157,10 +137,8 @@ def test_what_was_made_is_told_as_json(run: Run) -> None:
     ],
     ids=str,
 )
-def test_ranges_of_time_have_one_name(run: Run, verb: list[str]) -> None:
-    """
-    --since and --until, or both in one; the old spellings still work, and help does not show them.
-    """
+def test_ranges_of_time_have_one_name(run: Verb, verb: list[str]) -> None:
+    """--since and --until, or both in one."""
     for names in (("--since", "--until"), ("--from", "--to")):
         code, _, err = run(*verb, names[0], "now", names[1], "1h ago")
         assert (1, True) == (code, "swap them" in err)
@@ -174,10 +152,8 @@ def test_ranges_of_time_have_one_name(run: Run, verb: list[str]) -> None:
     assert "--from" not in shown
 
 
-def test_diff_takes_its_moments_in_either_way(run: Run) -> None:
-    """
-    By their places, or as other verbs have them; not one of them twice, and the first always.
-    """
+def test_diff_takes_its_moments_in_either_way(run: Verb) -> None:
+    """By their places, or as other verbs have them; not one of them twice, and the first always."""
     asked = [
         ["event:0", "event:1"], ["event:0..event:1"], ["--since", "event:0", "--until", "event:1"],
         ["event:0", "--until", "event:1"], ["--since", "event:0..event:1"], ["event:0"],
@@ -199,10 +175,8 @@ def test_diff_takes_its_moments_in_either_way(run: Run) -> None:
 
 
 @pytest.mark.parametrize("typed", ["--form", "--frm", "--t", "--from-", "--too"])
-def test_no_old_spelling_is_offered_for_one_that_is_none(typed: str, run: Run) -> None:
-    """
-    Help does not know them; what is offered, it does.
-    """
+def test_no_old_spelling_is_offered_for_one_that_is_none(typed: str, run: Verb) -> None:
+    """Help does not know them; what is offered, it does."""
     _, _, err = run("evaluate", "log", typed, "1")
     assert "No such option" in err
     assert set() == {"--from", "--to"} & set(re.findall(r"--[a-z]+", err.partition("options")[2]))
@@ -215,11 +189,9 @@ def test_no_old_spelling_is_offered_for_one_that_is_none(typed: str, run: Run) -
     [("replya", " Did you mean replay or play?\n"), ("stat", "\n"), ("xyzzy", "\n")],
 )
 def test_of_a_verb_that_is_none_one_that_is_shown_is_offered(
-    typed: str, meant: str, run: Run
+    typed: str, meant: str, run: Verb
 ) -> None:
-    """
-    Not the hidden names of old: `state`, `log`.
-    """
+    """Not the hidden names of old: `state`, `log`."""
     code, out, err = run(typed, "log")
 
     assert (2, "") == (code, out)
@@ -227,10 +199,8 @@ def test_of_a_verb_that_is_none_one_that_is_shown_is_offered(
     assert "state" not in err
 
 
-def test_when_it_happened_is_no_event(run: Run) -> None:
-    """
-    What is expected, and where the event's time stands.
-    """
+def test_when_it_happened_is_no_event(run: Verb) -> None:
+    """What is expected, and where the event's time stands."""
     code, _, err = run("observe", "log", "front", "open", "--at", "event:0")
 
     assert 1 == code
@@ -238,10 +208,8 @@ def test_when_it_happened_is_no_event(run: Run) -> None:
     assert "got the number of event 0" in err
 
 
-def test_from_and_to_are_places(run: Run) -> None:
-    """
-    Where a door is added.
-    """
+def test_from_and_to_are_places(run: Verb) -> None:
+    """Where a door is added."""
     code, out, _ = run("add", "log", "--from", "1,2", "--to", "1.9,2")
 
     assert (0, "2\n") == (code, out)

@@ -32,9 +32,7 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
 def test_a_new_log_is_not_called_as_a_file_is(
     name: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    A folder x.zip would be taken for a packed log by people, and by no program; nothing is made.
-    """
+    """A folder x.zip would be taken for a packed log by people, and by no program."""
     code, said = run(capsys, "init", "--", name)
 
     assert 1 == code
@@ -51,9 +49,7 @@ def test_a_new_log_is_not_called_as_a_file_is(
 def test_no_file_is_called_as_standard_output_is(
     verb: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    It would be a folder, a bag of rosbag2.
-    """
+    """It would be a folder, a bag of rosbag2."""
     code, said = run(capsys, verb, "office", "-")
 
     assert 2 == code
@@ -65,9 +61,7 @@ def test_no_file_is_called_as_standard_output_is(
 def test_a_zip_that_is_not_there_is_not_made_by_init(
     verb: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    It is a file that is missing; a folder can be made.
-    """
+    """It is a file that is missing; a folder can be made."""
     door = ["1", "open"] if verb == "observe" else []
     code, said = run(capsys, verb, "missing.zip", *door)
     folder = run(capsys, verb, "missing", *door)[1]
@@ -79,9 +73,7 @@ def test_a_zip_that_is_not_there_is_not_made_by_init(
 
 
 def test_help_points_to_where_its_text_is(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Options come last: what explains them stands above.
-    """
+    """Options come last: what explains them stands above."""
     verbs = get_command(app).commands  # type: ignore[attr-defined]
 
     for name in verbs:

@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.events import FloorMap, LevelAdded
+from tests.verbs import run
 
 MAP = """image: m.{ending}
 resolution: 0.1
@@ -19,13 +19,6 @@ negate: 0
 occupied_thresh: 0.65
 free_thresh: 0.25
 """
-
-
-def run(*arguments: str) -> int:
-    """Return the exit code of a command."""
-    with pytest.raises(SystemExit) as ended:
-        main(list(arguments))
-    return int(ended.value.code or 0)
 
 
 @pytest.fixture
@@ -52,9 +45,7 @@ def maps() -> list[FloorMap]:
 
 @pytest.mark.parametrize("ending", ["pgm", "png"])
 def test_it_is_the_floor_plan(here: Path, ending: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    The same cells as `init --map` makes; the file again changes nothing.
-    """
+    """The same cells as `init --map` makes; the file again changes nothing."""
     draw(ending)
     assert 0 == run("init", "other", "--map", "m.yaml")
     capsys.readouterr()
@@ -73,9 +64,7 @@ def test_it_is_the_floor_plan(here: Path, ending: str, capsys: pytest.CaptureFix
 
 
 def test_what_init_took_in_is_there_already(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    One code path; read in another way, it is another map, if its cells are others.
-    """
+    """One code path; read in another way, it is another map, if its cells are others."""
     assert 0 == run("init", "new", "--map", "m.yaml")
     capsys.readouterr()
     before = sl.read("new").replay().event
@@ -89,9 +78,7 @@ def test_what_init_took_in_is_there_already(here: Path, capsys: pytest.CaptureFi
 
 
 def test_another_picture_is_another_map(here: Path) -> None:
-    """
-    Though the .yaml is the same, byte for byte.
-    """
+    """Though the .yaml is the same, byte for byte."""
     for grey in (254, 100):
         draw(grey=grey)
         assert 0 == run("import", "office", "m.yaml")
@@ -100,9 +87,7 @@ def test_another_picture_is_another_map(here: Path) -> None:
 
 
 def test_the_level_is_inferred_or_asked_for(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    One: that. Several: an error that names them and the option.
-    """
+    """One: that. Several: an error that names them and the option."""
     with sl.append("office") as log:
         log.append([LevelAdded(level=1, name="L1")])
     assert 0 == run("import", "office", "m.yaml")
@@ -120,9 +105,7 @@ def test_the_level_is_inferred_or_asked_for(here: Path, capsys: pytest.CaptureFi
 
 
 def test_a_map_that_is_none_makes_nothing(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    The line that is wrong is named; `init` leaves no log behind.
-    """
+    """The line that is wrong is named; `init` leaves no log behind."""
     Path("m.pgm").unlink()
 
     assert 1 == run("import", "office", "m.yaml")
@@ -133,9 +116,7 @@ def test_a_map_that_is_none_makes_nothing(here: Path, capsys: pytest.CaptureFixt
 
 
 def test_rules_are_of_maps_only(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    A thesis YAML has no pixels.
-    """
+    """A thesis YAML has no pixels."""
     Path("doors.yaml").write_text("{}\n")
 
     assert 1 == run("import", "office", "doors.yaml", "--map-rules", "noetic")

@@ -15,7 +15,7 @@ from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.shipping import ship
 from semmap_log.log.replay.care import verify
 from tests.bucket import bucket, environment
-from tests.cli.test_verify import semmap
+from tests.verbs import ran
 
 __all__ = ["bucket", "environment"]
 
@@ -41,7 +41,7 @@ def log(made: Path, tmp_path: Path) -> Path:
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     """Return what a command that ends well prints."""
-    code, out, err = semmap(capsys, *arguments)
+    code, out, err = ran(capsys, *arguments)
     assert code == 0, err
     return out
 
@@ -61,9 +61,7 @@ WRITTEN = {
 def test_what_is_written_has_the_name_that_was_asked_for(
     log: Path, verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    And nothing else is there.
-    """
+    """And nothing else is there."""
     out = tmp_path / OUT
     given = [each.replace("LOG", str(log)).replace("OUT", str(out)) for each in WRITTEN[verb]]
 
@@ -77,9 +75,7 @@ def test_what_is_written_has_the_name_that_was_asked_for(
 def test_a_recording_of_it_is_written(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    For rerun, which itself takes no such name.
-    """
+    """For rerun, which itself takes no such name."""
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
 
     run(capsys, "view", log, "--save", tmp_path / f"{OUT}.rrd", "--no-beliefs")
@@ -88,9 +84,7 @@ def test_a_recording_of_it_is_written(
 
 
 def test_an_index_is_made_and_answers(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Queries and histories of a door are read from its tables.
-    """
+    """Queries and histories of a door are read from its tables."""
     before = run(capsys, "history", log, "front")
 
     run(capsys, "index", log)
@@ -104,9 +98,7 @@ def test_an_index_is_made_and_answers(log: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_a_join_names_it(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    The bytes of its path are escapes of JSON's: what is read there is the path itself.
-    """
+    """The bytes of its path are escapes of JSON's: what is read there is the path itself."""
     definition, plain = tmp_path / f"{OUT}.join.json", tmp_path / "plain"
     with sl.create(plain, tz="UTC") as other:
         other.add_door(name="far", x=90.0, y=90.0, theta=0.0, width=1.0)
@@ -126,9 +118,7 @@ def test_a_join_names_it(log: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
 def test_a_fleet_has_it(
     log: Path, job: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    In tables its bytes are spelt out; answers are kept, and found again.
-    """
+    """In tables its bytes are spelt out; answers are kept, and found again."""
     pytest.importorskip("pyarrow", reason="pyarrow is not installed")
     results, out = tmp_path / f"{OUT} results", tmp_path / f"{OUT} lake"
     more = ["--out", out] if job == "export" else []
@@ -144,9 +134,7 @@ def test_a_fleet_has_it(
 
 
 def test_shipped_and_fetched_it_is_as_it_was(log: Path, bucket: str, tmp_path: Path) -> None:
-    """
-    Whatever its segments are called there.
-    """
+    """Whatever its segments are called there."""
     ship(log, UrlPath(bucket))
     fetch(UrlPath(bucket), tmp_path / OUT)
 

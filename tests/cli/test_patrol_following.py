@@ -14,12 +14,13 @@ from shutil import copytree, rmtree
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import INTERRUPTED, main
+from semmap_log.cli import INTERRUPTED
 from semmap_log.core.model.events import DoorPassed, Event
 from semmap_log.core.model.moments import SECOND_NS, parse_instant
 from tests.analysis.planning.ward import FRONT, HALL, LAB, SIDE, TZ, ward
 from tests.conftest import SteadyClock
 from tests.live.ros.running import wait_until
+from tests.verbs import run
 
 FOLLOW = ("--from", HALL, "--start", "2026-03-23T10:00", "--rooms", "lab,2", "--follow")
 START_NS = parse_instant("2026-03-23T10:00", tz=TZ)
@@ -48,19 +49,9 @@ def tell(path: Path, *told: tuple[Event, int]) -> None:
             log.append([replace(event, happened_ns=START_NS + at_s * SECOND_NS)])
 
 
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
-
-
 @pytest.mark.usefixtures("terminal")
 def test_a_round_that_was(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    The plan, a line a step with when, what, where, P and why; at its end it ends by itself.
-    """
+    """The plan, a line a step with when, what, where, P and why; at its end it ends by itself."""
     tell(path, *ROUND)
 
     code = run("patrol-plan", str(path), *FOLLOW)
@@ -77,9 +68,7 @@ def test_a_round_that_was(path: Path, capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_as_json_one_object_a_line(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    The plan first; the last one says what became of the round.
-    """
+    """The plan first; the last one says what became of the round."""
     tell(path, *ROUND)
 
     assert run("patrol-plan", str(path), *FOLLOW, "--json") == 0
@@ -95,9 +84,7 @@ def test_as_json_one_object_a_line(path: Path, capsys: pytest.CaptureFixture[str
 
 
 def test_in_a_pipe_cells_under_a_head(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Behind the table of the plan, after an empty line.
-    """
+    """Behind the table of the plan, after an empty line."""
     tell(path, *ROUND)
 
     assert run("patrol-plan", str(path), *FOLLOW) == 0
@@ -112,9 +99,7 @@ def test_in_a_pipe_cells_under_a_head(path: Path, capsys: pytest.CaptureFixture[
 
 @pytest.mark.slow
 def test_a_log_that_goes_on(path: Path) -> None:
-    """
-    Each step comes when it is recorded, over a compaction; Ctrl-C is the way to end it.
-    """
+    """Each step comes when it is recorded, over a compaction; Ctrl-C is the way to end it."""
     with _following(path) as process:
         assert process.stdout is not None
         plan = json.loads(process.stdout.readline())
@@ -133,9 +118,7 @@ def test_a_log_that_goes_on(path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_log_that_is_removed(path: Path) -> None:
-    """
-    One line says so; it does not wait for ever.
-    """
+    """One line says so; it does not wait for ever."""
     with _following(path) as process:
         assert process.stdout is not None
         process.stdout.readline()
@@ -149,9 +132,7 @@ def test_a_log_that_is_removed(path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_reader_that_goes(path: Path) -> None:
-    """
-    As `head` does: it ends though nothing is recorded any more.
-    """
+    """As `head` does: it ends though nothing is recorded any more."""
     with _following(path) as process:
         assert process.stdout is not None
         process.stdout.readline()

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.cli import main
 from tests.analysis.planning.ward import HALL, ward
+from tests.verbs import Refuses, run
 
 pytestmark = pytest.mark.usefixtures("terminal")
 
@@ -20,18 +20,8 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(ward(tmp_path_factory.mktemp("plan") / "log").path)
 
 
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
-
-
 def test_a_row_a_stop_and_what_is_left_out(log: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Order, arrival, P, why; below: the store, and what the plan rests on.
-    """
+    """Order, arrival, P, why; below: the store, and what the plan rests on."""
     code = run("patrol-plan", log, *PLAN)
 
     out = capsys.readouterr().out
@@ -45,9 +35,7 @@ def test_a_row_a_stop_and_what_is_left_out(log: str, capsys: pytest.CaptureFixtu
 
 
 def test_the_plan_as_json(log: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    One document: stops in order, what is left out, and by which options.
-    """
+    """One document: stops in order, what is left out, and by which options."""
     code = run("patrol-plan", log, *PLAN, "--budget", "30min", "--rooms", "lab,store", "--json")
 
     found = json.loads(capsys.readouterr().out)
@@ -61,9 +49,7 @@ def test_the_plan_as_json(log: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.parametrize("name", ["plan.png", "plan.svg"])
 def test_a_picture(log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
-    """
-    The same bytes each time; said on stderr.
-    """
+    """The same bytes each time; said on stderr."""
     pictures = []
     for folder in ("one", "two"):
         (tmp_path / folder).mkdir()
@@ -76,45 +62,32 @@ def test_a_picture(log: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
     assert len(pictures[0]) > 5000
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "said"),
-    [
-        (("patrol-plan", "LOG", "--budget", "0s"), 1, "budget: expected"),
-        (("patrol-plan", "LOG", "--budget", "soon"), 1, "a length of time"),
-        (("patrol-plan", "LOG", "--from", "500,1,1"), 1, "outside of the floor plan"),
-        (("patrol-plan", "LOG", "--all", "--rooms", "1"), 2, "--all"),
-        (("patrol-plan", "LOG", "--plot", "plan.gif"), 2, ".png or .svg"),
-        (("patrol-plan", "LOG", "--doors", "gate"), 1, "gate"),
-        (("go", "LOG", HALL, "0,0,2"), 1, "no way leads"),
-        (("go", "LOG", HALL, "lab", "--speed", "1e-300"), 1, "speed: expected"),
-        (("go", "LOG", HALL, "-1,1,1"), 1, "TO: (-1, 1) on level 1 is outside of the floor plan"),
-        (("go", "LOG", "-.5,1,1", HALL), 1, "FROM: (-0.5, 1) on level 1 is outside"),
-        (("go", "LOG", "-1", HALL), 2, "No such option"),
-        (("go", "LOG", HALL, "lab", "--patience", "0"), 1, "patience: expected"),
-        (("go", "LOG", HALL, "lab", "--patience", "x"), 1, "--patience: Expected a length"),
-        (("patrol-plan", "LOG", "--speed", "1e-300"), 1, "speed: expected"),
-        (("patrol-plan", "LOG", "--wait", "-1s"), 1, "--wait: Expected a length"),
-        (("patrol-plan", "LOG", "--rooms", ""), 2, "--rooms"),
-        (("patrol-plan", "LOG", "--doors", ","), 2, "--doors"),
-        (("go", "LOG", HALL, "lab", "--speed", "0"), 1, "speed: expected"),
-    ],
-)
-def test_what_is_refused(
-    log: str, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], code: int, said: str
-) -> None:
-    """
-    In one line that says what was expected.
-    """
-    given = [log if one == "LOG" else one for one in arguments]
-
-    assert run(*given) == code
-    assert said in capsys.readouterr().err
+def test_what_is_refused(log: str, refuses: Refuses) -> None:
+    """In one line that says what was expected."""
+    refuses(f"""
+        patrol-plan {log} --budget 0s
+        patrol-plan {log} --budget soon
+        patrol-plan {log} --from 500,1,1
+        patrol-plan {log} --all --rooms 1
+        patrol-plan {log} --plot plan.gif
+        patrol-plan {log} --doors gate
+        go {log} {HALL} 0,0,2
+        go {log} {HALL} lab --speed 1e-300
+        go {log} {HALL} -1,1,1
+        go {log} -.5,1,1 {HALL}
+        go {log} -1 {HALL}
+        go {log} {HALL} lab --patience 0
+        go {log} {HALL} lab --patience x
+        patrol-plan {log} --speed 1e-300
+        patrol-plan {log} --wait -1s
+        patrol-plan {log} --rooms ''
+        patrol-plan {log} --doors ,
+        go {log} {HALL} lab --speed 0
+    """)
 
 
 def test_a_trip(log: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Each door with its choice; the expected time below; the same in JSON.
-    """
+    """Each door with its choice; the expected time below; the same in JSON."""
     trip = ("go", log, HALL, "room:2", "--depart", "2026-03-20T10:00")
     codes = [run(*trip)]
     out = capsys.readouterr().out
@@ -129,9 +102,7 @@ def test_a_trip(log: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_no_seconds_need_no_unit(log: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    0 is the same in all of them.
-    """
+    """0 is the same in all of them."""
     code = run("patrol-plan", log, *PLAN, "--wait", "0", "--enter", "0s", "--rooms", "lab")
 
     assert code == 0

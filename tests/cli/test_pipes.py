@@ -101,9 +101,7 @@ def _plain(text: str) -> str:
 def test_each_row_of_a_pipe_is_a_line_of_as_many_cells_as_the_head(
     log: Path, verb: list[str], rows: int | None
 ) -> None:
-    """
-    However narrow COLUMNS says that it is, and whatever a name holds.
-    """
+    """However narrow COLUMNS says that it is, and whatever a name holds."""
     done = _run(verb[0], log, *verb[1:], COLUMNS="30")
 
     assert 0 == done.returncode, done.stderr
@@ -115,9 +113,7 @@ def test_each_row_of_a_pipe_is_a_line_of_as_many_cells_as_the_head(
 
 @pytest.mark.slow
 def test_cut_takes_the_columns(log: Path) -> None:
-    """
-    The same cells under the same names as `history` and `tail` have; line ends are spelt.
-    """
+    """The same cells under the same names as `history` and `tail` have; line ends are spelt."""
     done = _run("history", log)
     tail = _run("tail", log)
 
@@ -136,9 +132,7 @@ def test_cut_takes_the_columns(log: Path) -> None:
 
 @pytest.mark.slow
 def test_columns_of_a_pipe_do_not_depend_on_what_doors_have(tmp_path: Path, log: Path) -> None:
-    """
-    A script that takes the ninth column takes it of every log.
-    """
+    """A script that takes the ninth column takes it of every log."""
     with sl.create(tmp_path / "bare", tz="UTC"):
         pass
 
@@ -150,9 +144,7 @@ def test_columns_of_a_pipe_do_not_depend_on_what_doors_have(tmp_path: Path, log:
 
 @pytest.mark.slow
 def test_what_is_said_about_a_table_is_not_in_the_pipe(log: Path) -> None:
-    """
-    Which moment it is of: on stderr.
-    """
+    """Which moment it is of: on stderr."""
     done = _run("replay", log)
 
     assert "up to event 5" not in done.stdout
@@ -160,9 +152,7 @@ def test_what_is_said_about_a_table_is_not_in_the_pipe(log: Path) -> None:
 
 
 def test_two_tables_have_an_empty_line_between(log: Path) -> None:
-    """
-    As `diff` has: what differs, and the events that did it.
-    """
+    """As `diff` has: what differs, and the events that did it."""
     doors, events = _run("diff", log, "event:1", "event:5").stdout.split("\n\n")
 
     assert ["door_id", "name", "what", "before", "after"] == doors.splitlines()[0].split("\t")
@@ -181,10 +171,7 @@ def test_two_tables_have_an_empty_line_between(log: Path) -> None:
 )  # fmt: skip
 @pytest.mark.parametrize("unbuffered", ["", "1"], ids=["buffered", "unbuffered"])
 def test_a_reader_that_goes_ends_it_quietly(log: Path, verb: list[str], unbuffered: str) -> None:
-    """
-    As SIGPIPE ends any program: no complaint, and the same exit code in a shell. So it is of
-    what a table is, of a report without one, and of why a verb failed.
-    """
+    """As SIGPIPE ends any program: no complaint, and the same exit code in a shell."""
     arguments = verb if verb[-1] == "--help" else [verb[0], str(log), *verb[1:]]
     reads, writes = os.pipe()
     os.close(reads)
@@ -201,9 +188,7 @@ def test_a_reader_that_goes_ends_it_quietly(log: Path, verb: list[str], unbuffer
 
 @pytest.mark.slow
 def test_the_table_is_whole_where_only_the_reader_of_stderr_goes(log: Path) -> None:
-    """
-    What stands around it is lost, not the table.
-    """
+    """What stands around it is lost, not the table."""
     reads, writes = os.pipe()
     os.close(reads)
 
@@ -218,9 +203,7 @@ def test_the_table_is_whole_where_only_the_reader_of_stderr_goes(log: Path) -> N
 
 @pytest.mark.slow
 def test_a_narrow_terminal_leaves_columns_out_and_says_so(log: Path) -> None:
-    """
-    The least important ones; every line fits, no number is cut, and the name is all there.
-    """
+    """The least important ones; every line fits, no number is cut, and the name is all there."""
     (wide, nothing), (narrow, note) = (_in_terminal(width, "replay", log) for width in (80, 50))
 
     assert "theta" in _plain(wide).splitlines()[1]
@@ -246,10 +229,7 @@ def test_a_narrow_terminal_leaves_columns_out_and_says_so(log: Path) -> None:
     ids=_name_of,
 )  # fmt: skip
 def test_tables_fit_any_terminal(log: Path, verb: list[str], columns: int) -> None:
-    """
-    What is drawn is no wider than the terminal, so that it does not break rows; only a command
-    line, which is to be pasted, is whole.
-    """
+    """What is drawn is no wider than the terminal, so that it does not break rows."""
     drawn, left_out = _in_terminal(columns, verb[0], log, *verb[1:])
 
     if verb[0] in {"history", "diff", "tail"}:
@@ -275,9 +255,7 @@ def test_tables_fit_any_terminal(log: Path, verb: list[str], columns: int) -> No
 def test_colours_of_a_terminal(
     log: Path, environment: dict[str, str], *, has_colours: bool
 ) -> None:
-    """
-    Unless the environment says no: https://no-color.org.
-    """
+    """Unless the environment says no: https://no-color.org."""
     said, _ = _in_terminal(80, "replay", log, **environment)
 
     assert has_colours == ("\x1b[31m" in said)
@@ -286,7 +264,5 @@ def test_colours_of_a_terminal(
 @pytest.mark.slow
 @pytest.mark.parametrize("variable", ["FORCE_COLOR", "CLICOLOR_FORCE"])
 def test_lines_for_programs_never_have_colours(log: Path, variable: str) -> None:
-    """
-    A script must not break where CI asks everybody for colours.
-    """
+    """A script must not break where CI asks everybody for colours."""
     assert _run("replay", log).stdout == _run("replay", log, **{variable: "1"}).stdout

@@ -73,16 +73,12 @@ LINES = [
 
 @pytest.mark.parametrize("line", LINES, ids=" ".join)
 def test_it_reads_what_typer_reads(line: tuple[str, ...]) -> None:
-    """
-    The same values of the same types, and the same words about wrong ones.
-    """
+    """The same values of the same types, and the same words about wrong ones."""
     assert _read(TyperCommand, *line) == _read(Plain, *line)
 
 
 def test_a_path_that_may_not_be_read_is_typers_to_refuse(tmp_path: Path) -> None:
-    """
-    Whoever may read everything reads it.
-    """
+    """Whoever may read everything reads it."""
     path = tmp_path / "secret"
     path.touch(mode=0)
 

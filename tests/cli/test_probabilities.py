@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.errors import EarlyEventsWarning
 from tests.analysis.beliefs.patrolled import patrolled
 from tests.conftest import SteadyClock
+from tests.verbs import run
 
 pytestmark = pytest.mark.usefixtures("terminal")
 
@@ -37,14 +37,6 @@ def folder(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "here"
 
 
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
-
-
 def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     assert 0 == run("probabilities", *arguments)
     return capsys.readouterr().out
@@ -58,9 +50,7 @@ def flat(text: str) -> str:
 def test_the_table_tells_numbers_evidence_and_the_night(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    A row a door, UNKNOWN with why, and what nobody has seen in words.
-    """
+    """A row a door, UNKNOWN with why, and what nobody has seen in words."""
     out = said(capsys, "log")
 
     front, store, attic = (next(line for line in out.splitlines() if f" {name} " in line)
@@ -78,9 +68,7 @@ def test_the_table_tells_numbers_evidence_and_the_night(
 def test_132_doors_with_long_names_fit_80_columns(
     by: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    No line is longer, none has colours in a pipe, and every door is there, by its number.
-    """
+    """No line is longer, none has colours in a pipe, and every door is there, by its number."""
     out = said(capsys, str(RECORDINGS / "clinic_week"), *by)
 
     assert max(map(len, out.splitlines())) <= 80
@@ -92,9 +80,6 @@ def test_132_doors_with_long_names_fit_80_columns(
 def test_names_that_would_steer_the_terminal_are_spelt_out(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    In every table.
-    """
     with sl.append("log") as log:
         log.annotate(1, "name", "evil\x1b[31m\nname")
 
@@ -104,9 +89,7 @@ def test_names_that_would_steer_the_terminal_are_spelt_out(
 
 
 def test_one_json_document_has_it_all(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Field names as in the events; times in UTC; what is unknown says so.
-    """
+    """Field names as in the events; times in UTC; what is unknown says so."""
     arguments = ("log", "front", "attic", "--known-at", "2026-03-27T12:00", "--json")
     found = json.loads(said(capsys, *arguments))
 
@@ -134,9 +117,7 @@ def test_one_json_document_has_it_all(folder: Path, capsys: pytest.CaptureFixtur
 def test_typical_times_as_json(
     by: str, shape: tuple[int, ...], folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Lists of 24 hours, of 7 days, or of 7 lists of 24; and which of them are known.
-    """
+    """Lists of 24 hours, of 7 days, or of 7 lists of 24; and which of them are known."""
     import numpy as np
 
     found = json.loads(said(capsys, "log", "front", "--by", by, "--json"))
@@ -151,9 +132,7 @@ def test_typical_times_as_json(
 def test_the_map_of_the_week_reads_without_colours(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Seven rows of 24 digits; a dot where nobody looked; a legend.
-    """
+    """Seven rows of 24 digits; a dot where nobody looked; a legend."""
     out = said(capsys, "log", "front", "--by", "week")
 
     rows = {line[:3]: line[4:].split() for line in out.splitlines() if line[:3] in ("Mon", "Sun")}
@@ -166,9 +145,7 @@ def test_the_map_of_the_week_reads_without_colours(
 
 
 def test_apply_fills_the_thesis_s_numbers(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Two events, with who and why; the YAML carries them; a second time nothing is written.
-    """
+    """Two events, with who and why; the YAML carries them; a second time nothing is written."""
     codes = [run("probabilities", "log", "--apply", "--actor", "job", "--json")]
     found = json.loads(capsys.readouterr().out)
     codes.append(run("export", "log", "x.yaml", "--default-prob", "0.5"))
@@ -189,9 +166,7 @@ def test_apply_fills_the_thesis_s_numbers(folder: Path, capsys: pytest.CaptureFi
 
 
 def test_an_empty_log_is_no_error(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    There is no door to tell of; to machines neither; and nothing to apply or draw.
-    """
+    """There is no door to tell of; to machines neither; and nothing to apply or draw."""
     table = said(capsys, "empty")
     document = json.loads(said(capsys, "empty", "--json"))
     codes = [run("probabilities", "empty", *more) for more in (["--apply"], ["--by", "week"],
@@ -220,18 +195,14 @@ def test_an_empty_log_is_no_error(folder: Path, capsys: pytest.CaptureFixture[st
 def test_mistakes_are_named(
     arguments: list[str], code: int, words: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    One line; exit code 1 for what the log does not have, 2 for what was mistyped.
-    """
+    """One line; exit code 1 for what the log does not have, 2 for what was mistyped."""
     assert code == run("probabilities", *arguments)
     assert words in flat(capsys.readouterr().err)
 
 
 @pytest.mark.slow
 def test_a_plot_is_written(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    A PNG of the week; of the hours, with the table, as SVG.
-    """
+    """A PNG of the week; of the hours, with the table, as SVG."""
     pytest.importorskip("matplotlib", reason="pip install 'semmap-log[plots]'")
 
     codes = [
@@ -246,10 +217,7 @@ def test_a_plot_is_written(folder: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_the_office_is_too_little_seen(capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    One day tells no habits: all three doors are there, whatever is said of them, and the days on
-    which nobody looked are named.
-    """
+    """One day tells no habits: all three doors are there, whatever is said of them."""
     out = said(capsys, str(RECORDINGS / "office"))
 
     assert all(name in out for name in ("main_door", "coe_door", "hardware_door"))
@@ -260,10 +228,7 @@ def test_the_office_is_too_little_seen(capsys: pytest.CaptureFixture[str]) -> No
 def test_who_asks_about_a_time_that_was_imported_later_is_told_why_nothing_is_known(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    What a CSV tells of last year was recorded today: as known last year there is nothing; --at has
-    one meaning in all verbs, and counts it.
-    """
+    """What a CSV tells of last year was recorded today: as known last year there is nothing."""
     monkeypatch.chdir(tmp_path)
     Path("doors.csv").write_text(
         "timestamp,door,state\n2024-05-01T08:00,front,OPEN\n2024-05-20T08:00,front,CLOSED\n"
@@ -309,9 +274,7 @@ def test_who_asks_about_a_time_that_was_imported_later_is_told_why_nothing_is_kn
 def test_a_machine_is_told_too_that_nothing_was_known_then(
     folder: Path, capsys: pytest.CaptureFixture[str], more: list[str]
 ) -> None:
-    """
-    An empty list of doors, with exit code 0, would be taken for an answer.
-    """
+    """An empty list of doors, with exit code 0, would be taken for an answer."""
     assert 1 == run("probabilities", "log", "--at", "2026-01-01", *more)
 
     error = json.loads(capsys.readouterr().out)["error"]
@@ -322,9 +285,7 @@ def test_a_machine_is_told_too_that_nothing_was_known_then(
 def test_a_door_of_which_nothing_was_told_later_is_not_said_to_be_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    The hint is about the door that is asked for; by an event's number the same is found.
-    """
+    """The hint is about the door that is asked for; by an event's number the same is found."""
     monkeypatch.chdir(tmp_path)
     clock = SteadyClock()
     with sl.create("log", tz="UTC", clock=clock) as log:
@@ -340,9 +301,7 @@ def test_a_door_of_which_nothing_was_told_later_is_not_said_to_be_one(
 def test_who_asks_about_a_time_before_the_doors_were_added_is_told_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    And what to do, if they were there.
-    """
+    """And what to do, if they were there."""
     monkeypatch.chdir(tmp_path)
     with sl.create("log", tz="UTC", clock=SteadyClock()) as log:
         log.add_door(name="front")

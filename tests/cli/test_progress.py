@@ -33,9 +33,7 @@ HOUR_NS = 3_600 * 10**9
     ],
 )
 def test_a_bar_says_how_fast_and_fits_the_line(unit: str, each: int, rate: str) -> None:
-    """
-    In 80 columns: how far, how fast, how long still.
-    """
+    """In 80 columns: how far, how fast, how long still."""
     said = on_a_terminal([sys.executable, "-c", WORK, unit, str(each)])
 
     drawn = [line for line in re.split(r"[\r\n]", said) if "Working" in line]
@@ -46,9 +44,7 @@ def test_a_bar_says_how_fast_and_fits_the_line(unit: str, each: int, rate: str) 
 
 
 def test_piped_there_is_no_bar() -> None:
-    """
-    Nothing at all on stderr.
-    """
+    """Nothing at all on stderr."""
     done = subprocess.run(
         [sys.executable, "-c", WORK, "bytes", "1"], capture_output=True, check=True
     )

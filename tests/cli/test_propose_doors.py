@@ -6,16 +6,15 @@ import json
 import math
 import shlex
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.events import DoorAdded
 from tests.interop.formats.bags.bags_of_others import write_mcap
 from tests.interop.topics.laser_room import DOOR, LaserRoom, moved, turned
 from tests.interop.topics.robots import START
+from tests.verbs import Refuses, run
 
 
 @pytest.fixture
@@ -36,12 +35,6 @@ def office(tmp_path: Path) -> Path:
     return tmp_path / "office"
 
 
-def _run(*words: object) -> Any:
-    with pytest.raises(SystemExit) as left:
-        main([str(word) for word in words])
-    return left.value.code
-
-
 def _added(office: Path) -> list[DoorAdded]:
     return [each.event for b in sl.read(office).batches(kinds=[DoorAdded]) for each in b]
 
@@ -49,12 +42,10 @@ def _added(office: Path) -> list[DoorAdded]:
 def test_they_are_listed_and_nothing_is_written(
     office: Path, bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    As JSON: place, width, what speaks for it; the log stays as it is.
-    """
+    """As JSON: place, width, what speaks for it; the log stays as it is."""
     before = {each: each.read_bytes() for each in office.iterdir()}
 
-    assert _run("import", office, bag, "--scan", "--propose-doors", "--json") == 0
+    assert run("import", office, bag, "--scan", "--propose-doors", "--json") == 0
 
     told = json.loads(capsys.readouterr().out)
     assert told["source"] == "scan:laser wall-gaps"
@@ -69,10 +60,8 @@ def test_they_are_listed_and_nothing_is_written(
 def test_with_yes_they_are_doors_and_not_proposed_again(
     office: Path, bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    One commit that names laser and method; the doors are there since the first scan.
-    """
-    assert _run("import", office, bag, "--scan", "--propose-doors", "--yes", "--actor", "eve") == 0
+    """One commit that names laser and method; the doors are there since the first scan."""
+    assert run("import", office, bag, "--scan", "--propose-doors", "--yes", "--actor", "eve") == 0
     (commit,) = sl.read(office).commits()
     assert (commit.note.source, commit.note.actor) == ("scan:laser wall-gaps", "eve")
     (door,) = sl.read(office).replay().doors.values()
@@ -80,7 +69,7 @@ def test_with_yes_they_are_doors_and_not_proposed_again(
     assert abs(_added(office)[0].happened_ns - START) < 10**9
     capsys.readouterr()
 
-    assert _run("import", office, bag, "--scan", "--propose-doors", "--yes") == 0
+    assert run("import", office, bag, "--scan", "--propose-doors", "--yes") == 0
 
     assert "0 proposals" in capsys.readouterr().err
     assert len(_added(office)) == 1
@@ -89,12 +78,10 @@ def test_with_yes_they_are_doors_and_not_proposed_again(
 def test_a_number_that_no_proposal_has_is_refused(
     office: Path, bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Before anything is written.
-    """
+    """Before anything is written."""
     words = ("import", office, bag, "--scan", "--propose-doors", "--yes", "--only", 1, "--only", 9)
 
-    assert _run(*words) == 1
+    assert run(*words) == 1
 
     assert "--only 9: expected a number up to 1" in capsys.readouterr().err
     assert _added(office) == []
@@ -103,11 +90,9 @@ def test_a_number_that_no_proposal_has_is_refused(
 def test_the_command_that_adds_them_has_what_was_asked_for(
     office: Path, bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    It can be typed as it is told.
-    """
+    """It can be typed as it is told."""
     asked = ("--scan", "/scan", "--heights", "0.2,1", "--level", "0", "--propose-doors")
-    assert _run("import", office, bag, *asked) == 0
+    assert run("import", office, bag, *asked) == 0
     said = capsys.readouterr().err
     assert "Look at them (--plot doors.png)" in said
     (line,) = [each for each in said.splitlines() if "Nothing was added" in each]
@@ -115,18 +100,16 @@ def test_the_command_that_adds_them_has_what_was_asked_for(
     words = shlex.split(line.partition("all of them: semmap-log ")[2].partition(";")[0])
 
     assert [*asked, "--yes"] == words[3:]
-    assert _run(*words) == 0
+    assert run(*words) == 0
     assert 1 == len(_added(office))
 
 
 def test_they_are_drawn(office: Path, bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Over what the laser saw, with the numbers of the table.
-    """
+    """Over what the laser saw, with the numbers of the table."""
     pytest.importorskip("matplotlib")
     picture = office.parent / "doors.svg"
 
-    assert _run("import", office, bag, "--scan", "--propose-doors", "--plot", picture) == 0
+    assert run("import", office, bag, "--scan", "--propose-doors", "--plot", picture) == 0
 
     assert "Look at them" not in capsys.readouterr().err
     drawn = picture.read_text()
@@ -134,19 +117,10 @@ def test_they_are_drawn(office: Path, bag: Path, capsys: pytest.CaptureFixture[s
     assert ">1</text>" in drawn
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--propose-doors"], "give --scan"),
-        (["--scan", "--yes"], "give --propose-doors"),
-        (["--scan", "--propose-doors", "--only", "1"], "give --yes"),
-    ],
-)
-def test_options_that_need_others(
-    office: Path, bag: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
-) -> None:
-    """
-    Are refused without them.
-    """
-    assert _run("import", office, bag, *words) == 2
-    assert said in " ".join(capsys.readouterr().err.split())
+def test_options_that_need_others(office: Path, bag: Path, refuses: Refuses) -> None:
+    """Are refused without them."""
+    refuses(f"""
+        import {office} {bag} --propose-doors
+        import {office} {bag} --scan --yes
+        import {office} {bag} --scan --propose-doors --only 1
+    """)

@@ -48,9 +48,7 @@ def _record(office: Path, text: str, *options: str) -> tuple[int, list[Any], str
 @pytest.mark.slow
 @pytest.mark.parametrize("level", ["event", "batch", "flush", "none"])
 def test_every_level_answers_every_line(level: str, office: Path) -> None:
-    """
-    The log says of each commit under which promise it was made.
-    """
+    """The log says of each commit under which promise it was made."""
     code, answers, _ = _record(office, LINE * 300, "--durability", level)
 
     assert 0 == code
@@ -61,9 +59,7 @@ def test_every_level_answers_every_line(level: str, office: Path) -> None:
 
 @pytest.mark.slow
 def test_a_line_of_a_batch_is_answered_when_the_batch_is_over(office: Path) -> None:
-    """
-    Not at once, and not never: after the time that was given, though nothing more comes.
-    """
+    """Not at once, and not never: after the time that was given, though nothing more comes."""
     process = _start(office, "--ack", "--durability", "batch", "--batch-ms", "300")
     assert process.stdin is not None
     assert process.stdout is not None
@@ -84,9 +80,7 @@ def test_a_line_of_a_batch_is_answered_when_the_batch_is_over(office: Path) -> N
 @pytest.mark.slow
 @pytest.mark.parametrize("level", ["event", "batch", "flush"])
 def test_killed_it_has_every_line_that_it_answered(level: str, office: Path) -> None:
-    """
-    Only `none` may answer what is still in memory.
-    """
+    """Only `none` may answer what is still in memory."""
     process = _start(office, "--ack", "--durability", level, "--batch-ms", "20")
     assert process.stdin is not None
     assert process.stdout is not None
@@ -104,9 +98,7 @@ def test_killed_it_has_every_line_that_it_answered(level: str, office: Path) -> 
 
 @pytest.mark.slow
 def test_a_line_with_a_command_id_is_stored_once(office: Path) -> None:
-    """
-    In one run and in the next, though its door has another name by now; its spacing is free.
-    """
+    """In one run and in the next, though its door has another name by now; its spacing is free."""
     line = LINE.replace("}", f', "command_id": "{ID}"}}')
     spaced = json.dumps(json.loads(line), indent=None, separators=(" , ", ":"), sort_keys=True)
     first = _record(office, line + spaced + "\n")
@@ -121,9 +113,7 @@ def test_a_line_with_a_command_id_is_stored_once(office: Path) -> None:
 
 @pytest.mark.slow
 def test_another_line_with_the_same_command_id_is_a_bad_line(office: Path) -> None:
-    """
-    Reported with its number; what was stored under that id is named.
-    """
+    """Reported with its number; what was stored under that id is named."""
     line = LINE.replace("}", f', "command_id": "{ID}"}}')
     code, answers, err = _record(office, line + line.replace("OPEN", "CLOSED"))
 
@@ -134,9 +124,7 @@ def test_another_line_with_the_same_command_id_is_a_bad_line(office: Path) -> No
 
 @pytest.mark.slow
 def test_an_added_door_that_is_sent_again_keeps_its_id(office: Path) -> None:
-    """
-    Though the next free id is another by then.
-    """
+    """Though the next free id is another by then."""
     line = f'{{"kind": "DoorAdded", "command_id": "{ID}"}}\n'
     code, answers, _ = _record(office, line + '{"kind": "DoorAdded"}\n' + line)
 
@@ -147,9 +135,7 @@ def test_an_added_door_that_is_sent_again_keeps_its_id(office: Path) -> None:
 
 @pytest.mark.slow
 def test_who_no_longer_listens_stops_nothing_that_was_read(office: Path) -> None:
-    """
-    With its answers' pipe closed it ends, and what it read is stored and closed.
-    """
+    """With its answers' pipe closed it ends, and what it read is stored and closed."""
     process = _start(office, "--ack")
     assert process.stdin is not None
     assert process.stdout is not None
@@ -164,9 +150,7 @@ def test_who_no_longer_listens_stops_nothing_that_was_read(office: Path) -> None
 
 @pytest.mark.slow
 def test_closed_stdin_is_an_end_like_any(office: Path) -> None:
-    """
-    Exit code 0: there was nothing to store.
-    """
+    """Exit code 0: there was nothing to store."""
     done = subprocess.run(
         f"exec {sys.executable} -m semmap_log record {office} <&-",
         shell=True,
@@ -181,9 +165,7 @@ def test_closed_stdin_is_an_end_like_any(office: Path) -> None:
 
 
 def test_a_second_recorder_is_refused(office: Path) -> None:
-    """
-    While one writes, another says so and leaves everything alone.
-    """
+    """While one writes, another says so and leaves everything alone."""
     with sl.append(office):
         code, answers, err = _record(office, LINE)
 
@@ -205,9 +187,7 @@ def exported(office: Path) -> Path:
 
 @pytest.mark.slow
 def test_lines_that_a_log_wrote_are_taken_once_each(exported: Path, tmp_path: Path) -> None:
-    """
-    Each is a commit; what was taken back does not come to count again.
-    """
+    """Each is a commit; what was taken back does not come to count again."""
     sl.create(tmp_path / "new", tz="UTC").close()
     text = exported.read_text()
 
@@ -226,9 +206,7 @@ def test_lines_that_a_log_wrote_are_taken_once_each(exported: Path, tmp_path: Pa
 def test_a_line_that_was_imported_is_answered_as_it_is_stored(
     exported: Path, tmp_path: Path
 ) -> None:
-    """
-    Nothing is stored twice, whichever way it came.
-    """
+    """Nothing is stored twice, whichever way it came."""
     with sl.create(tmp_path / "new", tz="UTC") as log:
         import_file(log, exported)
         held = log.state.event

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
+from tests.verbs import Refuses, run
 
 
 @pytest.fixture
@@ -17,48 +16,31 @@ def office(tmp_path: Path) -> Path:
     return tmp_path / "office"
 
 
-def _run(*words: object) -> Any:
-    """Return the exit code."""
-    with pytest.raises(SystemExit) as left:
-        main([str(word) for word in words])
-    return left.value.code
-
-
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (["--ros1", "--ros2"], "say which ROS: --ros1 or --ros2"),
-        (["--mapping", "m.yaml"], "is for topics: say which ROS, --ros1 or --ros2"),
-        (["--dry-run"], "is for topics: say which ROS, --ros1 or --ros2"),
-        (["--level", "L1"], "is for topics: say which ROS, --ros1 or --ros2"),
-        (["--heights", "0.3,1.5"], "is for topics: say which ROS, --ros1 or --ros2"),
-        (["--ros1", "--heights", "0.3,1.5"], "is for lasers: give --scan, too"),
-        (["--ros1", "--scan", "--heights", "0.3"], "expected two heights in metres"),
-        (["/map:=/floor"], "is for topics: say which ROS, --ros1 or --ros2"),
-        (["--ros1", "--ack"], "is about lines of standard input"),
-        (["--ros2", "--strict"], "is about lines of standard input"),
-    ],
-)
 def test_options_that_do_not_belong_together_are_a_usage_error(
-    options: list[str], says: str, office: Path, capsys: pytest.CaptureFixture[str]
+    office: Path, refuses: Refuses
 ) -> None:
-    """
-    And nothing is read or joined.
-    """
-    assert 2 == _run("record", office, *options)
-
-    assert says in capsys.readouterr().err
+    """And nothing is read or joined."""
+    refuses(f"""
+        record {office} --ros1 --ros2
+        record {office} --mapping m.yaml
+        record {office} --dry-run
+        record {office} --level L1
+        record {office} --heights 0.3,1.5
+        record {office} --ros1 --heights 0.3,1.5
+        record {office} --ros1 --scan --heights 0.3
+        record {office} /map:=/floor
+        record {office} --ros1 --ack
+        record {office} --ros2 --strict
+    """)
 
 
 def test_a_wrong_mapping_is_told_before_ros_is_joined(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    With its line: whoever writes one need not have the robot at hand.
-    """
+    """With its line: whoever writes one need not have the robot at hand."""
     (tmp_path / "m.yaml").write_text("topics:\n  /a: dor_map\n")
 
-    assert 2 == _run("record", office, "--ros2", "--mapping", tmp_path / "m.yaml")
+    assert 2 == run("record", office, "--ros2", "--mapping", tmp_path / "m.yaml")
 
     assert "m.yaml:2: /a: read: expected one of door_map," in capsys.readouterr().err
 
@@ -67,10 +49,8 @@ def test_a_wrong_mapping_is_told_before_ros_is_joined(
 def test_a_level_that_is_not_there_is_told_before_ros_is_joined(
     dry_run: list[str], office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    A recorder that leaves out every topic is none.
-    """
-    assert 2 == _run("record", office, "--ros2", "--scan", "--level", "attic", *dry_run)
+    """A recorder that leaves out every topic is none."""
+    assert 2 == run("record", office, "--ros2", "--scan", "--level", "attic", *dry_run)
 
     assert "attic" in capsys.readouterr().err
 
@@ -78,20 +58,16 @@ def test_a_level_that_is_not_there_is_told_before_ros_is_joined(
 def test_a_log_that_is_written_by_another_is_told_before_ros_is_joined(
     office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    As by every verb that writes.
-    """
+    """As by every verb that writes."""
     with sl.append(office):
-        assert 1 == _run("record", office, "--ros1")
+        assert 1 == run("record", office, "--ros1")
 
     assert "is writing to this log" in capsys.readouterr().err
 
 
 def test_no_log_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Exit code 2: a service that is started again would never find it either.
-    """
-    assert 2 == _run("record", tmp_path / "nowhere", "--ros1")
+    """Exit code 2: a service that is started again would never find it either."""
+    assert 2 == run("record", tmp_path / "nowhere", "--ros1")
 
     said = capsys.readouterr().err
     assert said.startswith(f"semmap-log: {tmp_path}/nowhere: no such log. To make one: ")

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.cli import main
 from semmap_log.views.palette import COLOUR_BLIND
 from semmap_log.views.report.content import hex_of
+from tests.verbs import Refuses, run
 from tests.views.report.pages import data_of
 from tests.views.rerun.some_logs import small_log
 
@@ -21,18 +21,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
-
-
 def test_it_says_what_it_wrote(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    On stderr; stdout stays empty.
-    """
+    """On stderr; stdout stays empty."""
     code = run("report", "log", "page.html")
 
     said = capsys.readouterr()
@@ -42,9 +32,7 @@ def test_it_says_what_it_wrote(folder: Path, capsys: pytest.CaptureFixture[str])
 
 
 def test_its_options_choose_what_is_shown(folder: Path) -> None:
-    """
-    Span, doors, zone and colours.
-    """
+    """Span, doors, zone and colours."""
     code = run("report", "log", "page.html", "--since", "2026-03-01T21:30Z", "--until",
                "2026-03-01T21:45Z", "--door", "front", "--tz", "Asia/Tokyo",
                "--palette", "colour-blind")  # fmt: skip
@@ -59,41 +47,25 @@ def test_its_options_choose_what_is_shown(folder: Path) -> None:
     assert f"--open: {hex_of(COLOUR_BLIND.open)};" in html
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "expected"),
-    [
-        (("report", "log", "log/page.html"), 1, "log's own folder"),
-        (("report", "log", "no/page.html"), 1, "No such file or directory"),
-        (("report", "log", "page.txt"), 1, "ends in .html"),
-        (("report", "nothing", "page.html"), 1, "nothing"),
-        (("report", "log", "page.html", "--tz", "Mars"), 1, "No time zone 'Mars'"),
-        (("report", "log", "page.html", "--tz", ""), 1, "No time zone ''"),
-        (("report", "log", "page.html", "--door", "back"), 1, "back"),
-        (("report", "log", "page.html", "--since", "now", "--until", "1h ago"), 1, "swap them"),
-        (("report", "log", "page.html", "--palette", "grey"), 2, "colour-blind"),
-    ],
-)
-def test_what_cannot_be_done_is_said(
-    folder: Path,
-    capsys: pytest.CaptureFixture[str],
-    arguments: tuple[str, ...],
-    code: int,
-    expected: str,
-) -> None:
-    """
-    In a line, with what to do; and no page is written.
-    """
-    left = run(*arguments)
+def test_what_cannot_be_done_is_said(folder: Path, refuses: Refuses) -> None:
+    """In a line, with what to do; and no page is written."""
+    refuses("""
+        report log log/page.html
+        report log no/page.html
+        report log page.txt
+        report nothing page.html
+        report log page.html --tz Mars
+        report log page.html --tz ''
+        report log page.html --door back
+        report log page.html --since now --until '1h ago'
+        report log page.html --palette grey
+    """)
 
-    assert code == left
-    assert expected in capsys.readouterr().err
     assert ["log"] == [path.name for path in folder.iterdir()]
 
 
 def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    And fits 80 columns.
-    """
+    """And fits 80 columns."""
     code = run("report", "--help")
 
     out = capsys.readouterr().out

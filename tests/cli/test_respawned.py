@@ -42,9 +42,7 @@ def start(*arguments: str, respawned: bool) -> subprocess.Popen[str]:
 def test_what_would_fail_again_waits_to_be_stopped(
     arguments: tuple[str, ...], said: str, stop: signal.Signals
 ) -> None:
-    """
-    Told once; the signals by which a launch stops its nodes end it.
-    """
+    """Told once; the signals by which a launch stops its nodes end it."""
     with start(*arguments, respawned=True) as node:
         assert node.stderr is not None
         lines = []
@@ -62,27 +60,21 @@ def test_what_would_fail_again_waits_to_be_stopped(
 
 
 def test_by_hand_and_under_systemd_it_ends(tmp_path: Path) -> None:
-    """
-    With the exit code that the units know.
-    """
+    """With the exit code that the units know."""
     with start("serve", str(tmp_path / "nowhere"), "--ros1", respawned=False) as node:
         assert "it waits" not in node.communicate(timeout=DEADLINE_S)[1]
         assert 2 == node.returncode
 
 
 def test_what_may_mend_itself_is_started_again(tmp_path: Path) -> None:
-    """
-    Exit code 1, as where another process holds the log, ends the node.
-    """
+    """Exit code 1, as where another process holds the log, ends the node."""
     with start("replay", str(tmp_path / "nowhere"), respawned=True) as node:
         assert "it waits" not in node.communicate(timeout=DEADLINE_S)[1]
         assert 1 == node.returncode
 
 
 def test_every_launch_file_that_starts_again_says_so_to_its_node() -> None:
-    """
-    Those that include one of them have it from there.
-    """
+    """Those that include one of them have it from there."""
     starting = [path for path in LAUNCH.iterdir() if "respawn" in path.read_text("utf-8")]
 
     assert 6 == len(starting)

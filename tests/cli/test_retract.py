@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
+from tests.verbs import Refuses, Verb
 
 pytestmark = pytest.mark.usefixtures("terminal")
 
-Run = Callable[..., tuple[int, str, str]]
-
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+def run(run_verb: Verb, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Verb:
     """Run a verb beside a log `office`: door 1 `front` (events 0, 1), seen 40 times (2..41)."""
     monkeypatch.chdir(tmp_path)
     with sl.create("office", tz="UTC") as log:
@@ -25,21 +22,11 @@ def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
         for i in range(40):
             log.observe(door, "open" if i & 1 else "closed", at=f"2026-03-01T12:{i:02}")
 
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code = 0
-        try:
-            main([str(argument) for argument in arguments])
-        except SystemExit as left:
-            code = left.code if isinstance(left.code, int) else 1
-        return (code, *capsys.readouterr())
-
-    return run
+    return run_verb
 
 
-def test_it_shows_what_was_hidden(run: Run) -> None:
-    """
-    Number, when, door, what; then the answers leave it out, and the history marks it.
-    """
+def test_it_shows_what_was_hidden(run: Verb) -> None:
+    """Number, when, door, what; then the answers leave it out, and the history marks it."""
     code, out, err = run("retract", "office", 41, "--actor", "me", "--reason", "dirty lens")
 
     assert (0, "") == (code, err)
@@ -56,10 +43,8 @@ def test_it_shows_what_was_hidden(run: Run) -> None:
 
 
 @pytest.mark.parametrize("events", ["10..12", "event:10..event:12", "event:10..12"])
-def test_a_range_in_its_forms(run: Run, events: str) -> None:
-    """
-    As JSON: the range, and every event that it hid.
-    """
+def test_a_range_in_its_forms(run: Verb, events: str) -> None:
+    """As JSON: the range, and every event that it hid."""
     code, out, _ = run("retract", "office", events, "--json")
 
     answer = json.loads(out)
@@ -73,10 +58,8 @@ def test_a_range_in_its_forms(run: Run, events: str) -> None:
     assert 3 == len(answer["hidden"])
 
 
-def test_of_many_only_some_are_shown(run: Run) -> None:
-    """
-    The first twenty, and how many more there are.
-    """
+def test_of_many_only_some_are_shown(run: Verb) -> None:
+    """The first twenty, and how many more there are."""
     out = run("retract", "office", "event:2..41")[1]
 
     numbers = [line.split()[0] for line in out.splitlines() if line[:6].strip().isdecimal()]
@@ -85,20 +68,16 @@ def test_of_many_only_some_are_shown(run: Run) -> None:
     assert "… and 20 more" in out
 
 
-def test_a_commit_taken_back_in_part_is_said(run: Run) -> None:
-    """
-    On stderr, since it may be meant: the door is gone, the event that named it is not.
-    """
+def test_a_commit_taken_back_in_part_is_said(run: Verb) -> None:
+    """On stderr, since it may be meant: the door is gone, the event that named it is not."""
     code, _, err = run("retract", "office", 0)
 
     assert 0 == code
     assert "note: of the commit of events 0..1, the others stay.\n" == err
 
 
-def test_sent_again_it_says_so(run: Run) -> None:
-    """
-    The same command id: the same answer, and nothing is written.
-    """
+def test_sent_again_it_says_so(run: Verb) -> None:
+    """The same command id: the same answer, and nothing is written."""
     command = ("retract", "office", 5, "--command-id", "00" * 15 + "01")
     first, again = run(*command)[1], run(*command)[1]
 
@@ -106,21 +85,12 @@ def test_sent_again_it_says_so(run: Run) -> None:
     assert "stored before" in again
 
 
-@pytest.mark.parametrize(
-    ("events", "code", "why"),
-    [
-        ("42", 1, "cannot retract event 42: the log holds 0..41."),
-        ("9..8", 1, "the range runs backwards"),
-        ("1..", 2, "'1..': expected an event's number such as 58, or a range such as 58..60"),
-        ("yesterday", 2, "'yesterday': expected an event's number"),
-        ("-1", 2, "No such option"),
-    ],
-)
-def test_what_it_refuses(run: Run, events: str, code: int, why: str) -> None:
-    """
-    One line that says what is there instead; 2 for what is no number.
-    """
-    refused, out, err = run("retract", "office", events)
-
-    assert (code, "") == (refused, out)
-    assert why in " ".join(err.split())
+def test_what_it_refuses(run: Verb, refuses: Refuses) -> None:
+    """One line that says what is there instead; 2 for what is no number."""
+    refuses("""
+        retract office 42
+        retract office 9..8
+        retract office 1..
+        retract office yesterday
+        retract office -1
+    """)

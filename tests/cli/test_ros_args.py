@@ -23,20 +23,14 @@ from semmap_log.cli.ros import split_ros_args
             ["--ros-args", "-r", "__ns:=/r1", "-p", "x:=1", "--"],
         ),
         (["record", "log", "--ros2", "--ros-args"], ["record", "log", "--ros2"], ["--ros-args"]),
-        (
-            ["annotate", "log", "1", "note", "a:=b"],
-            ["annotate", "log", "1", "note", "a:=b"],
-            [],
-        ),
+        (["annotate", "log", "1", "note", "a:=b"], ["annotate", "log", "1", "note", "a:=b"], []),
         (["--version"], ["--version"], []),
     ],
 )
 def test_what_belongs_to_ros_is_taken_out(
     given: list[str], ours: list[str], ros: list[str]
 ) -> None:
-    """
-    Remappings and what follows --ros-args are ROS's, in the verbs that join it and no others.
-    """
+    """Remappings and what follows --ros-args are ROS's, in the verbs that join it and no others."""
     split = split_ros_args(given)
 
     assert (ours, ros) == split
@@ -48,9 +42,7 @@ def test_what_belongs_to_ros_is_taken_out(
 def test_help_fits_a_robots_terminal(
     verb: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    80 columns: examples and tables, which are printed as they stand, too.
-    """
+    """80 columns: examples and tables, which are printed as they stand, too."""
     monkeypatch.setenv("COLUMNS", "80")
     with pytest.raises(SystemExit, match=r"^0$"):
         main([*verb.split(), "--help"])

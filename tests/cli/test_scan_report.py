@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded, DoorAnnotated
 from semmap_log.interop.formats.kept_scans.writing import keeping_scans
@@ -18,16 +17,9 @@ from tests.conftest import SteadyClock
 from tests.interop.formats.bags.bags_of_others import write_mcap
 from tests.interop.topics.laser_room import DOOR, SHUT, LaserRoom
 from tests.interop.topics.robots import START, S
+from tests.verbs import Refuses, run
 
 pytestmark = pytest.mark.usefixtures("terminal")
-
-
-def run(*arguments: object) -> int:
-    try:
-        main([str(argument) for argument in arguments])
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
 
 
 @pytest.fixture
@@ -54,9 +46,7 @@ def office(tmp_path: Path) -> Path:
 def test_a_row_a_door_and_what_should_be_looked_at(
     office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Doors with warnings are marked; those never met are named; nothing steers the terminal.
-    """
+    """Doors with warnings are marked; those never met are named; nothing steers the terminal."""
     assert run("scan-report", office) == 0
 
     out, err = capsys.readouterr()
@@ -73,9 +63,6 @@ def test_a_row_a_door_and_what_should_be_looked_at(
 def test_it_fits_the_terminal(
     office: Path, columns: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Whatever its width.
-    """
     monkeypatch.setenv("COLUMNS", str(columns))
 
     assert run("scan-report", office) == 0
@@ -84,9 +71,7 @@ def test_it_fits_the_terminal(
 
 
 def test_one_document_for_machines(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Absent numbers are null, warnings have a word that stays.
-    """
+    """Absent numbers are null, warnings have a word that stays."""
     assert run("scan-report", office, "--json") == 0
 
     told = json.loads(capsys.readouterr().out)
@@ -102,9 +87,7 @@ def test_one_document_for_machines(office: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_some_doors_some_times(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    As other verbs choose them.
-    """
+    """As other verbs choose them."""
     assert run("scan-report", office, "--door", "front", "--until", f"@{START_NS // S + 60}",
                "--json") == 0  # fmt: skip
 
@@ -113,9 +96,7 @@ def test_some_doors_some_times(office: Path, capsys: pytest.CaptureFixture[str])
 
 
 def test_it_is_drawn(office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Into a picture, or into a folder with one a door.
-    """
+    """Into a picture, or into a folder with one a door."""
     pytest.importorskip("matplotlib")
 
     assert run("scan-report", office, "--plot", tmp_path / "all.png") == 0
@@ -133,9 +114,7 @@ def test_it_is_drawn(office: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 def test_a_bag_is_looked_through(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    With no scan topic named: its only laser.
-    """
+    """With no scan topic named: its only laser."""
     x, y, theta, width = DOOR
     with sl.create(tmp_path / "office", tz="UTC") as log:
         log.add_door(x=x, y=y, theta=theta, width=width, name="lab", at=START - S)
@@ -150,38 +129,23 @@ def test_a_bag_is_looked_through(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "scans of /scan:" in err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "says"),
-    [
-        (["--plot", "x.gif"], 2, "expected a name that ends in .png or .svg, or a folder"),
-        (["--scan", "/scan"], 2, "says how a BAG is read"),
-        (["--plot", "office/x.png"], 1, "lies in the log's own folder"),
-        (["nothing.bag"], 1, "nothing.bag"),
-    ],
-)
 def test_what_cannot_be_is_refused(
-    arguments: list[str],
-    code: int,
-    says: str,
-    office: Path,
-    capsys: pytest.CaptureFixture[str],
+    office: Path, monkeypatch: pytest.MonkeyPatch, refuses: Refuses
 ) -> None:
-    """
-    In one line.
-    """
-    said = [office / a.removeprefix("office/") if a.startswith("office/") else a for a in arguments]
+    monkeypatch.chdir(office.parent)
 
-    assert run("scan-report", office, *said) == code
-
-    assert says in " ".join(capsys.readouterr().err.split())
+    refuses("""
+        scan-report office --plot x.gif
+        scan-report office --scan /scan
+        scan-report office --plot office/x.png
+        scan-report office nothing.bag
+    """)
 
 
 def test_without_kept_scans_it_says_what_to_do(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    And with a torn file what is there is told.
-    """
+    """And with a torn file what is there is told."""
     with sl.create(tmp_path / "bare", tz="UTC") as log:
         log.add_door(x=0.0, y=0.0, theta=0.0, width=1.0)
 

@@ -18,7 +18,8 @@ pytest.importorskip("duckdb")
 
 import semmap_log as sl
 from semmap_log.analysis.sql.sql_query import COLUMNS_OF
-from semmap_log.cli import INTERRUPTED, main
+from semmap_log.cli import INTERRUPTED
+from tests.verbs import Refuses, run
 
 COUNT = "select name, count(*) as n, max(last_seen) as seen from doors group by all order by all"
 DEADLINE_S = 60
@@ -35,18 +36,8 @@ def office(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
-
-
 def test_json(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    One list of rows, times in UTC with nanoseconds, what is not known null.
-    """
+    """One list of rows, times in UTC with nanoseconds, what is not known null."""
     query = """
         select d.name, last_seen, d.prob_open, annotations, happened_ns from doors d, events
         where event = 4 and d.name = 'front'"""
@@ -60,9 +51,7 @@ def test_json(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_csv(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    With a head; what is not known is empty.
-    """
+    """With a head; what is not known is empty."""
     query = "select name, prob_open, annotations from doors order by name"
     assert 0 == run("sql", "office", query, "--csv")
 
@@ -72,9 +61,7 @@ def test_csv(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_pipe(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Lines with tabs, and how many rows there are on stderr.
-    """
+    """Lines with tabs, and how many rows there are on stderr."""
     assert 0 == run("sql", "office", "select name, door_id / 3 as third from doors order by 1")
 
     out, err = capsys.readouterr()
@@ -84,9 +71,7 @@ def test_a_pipe(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.usefixtures("terminal")
 def test_a_terminal(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    A table, times by the building's clocks, and no more rows than are wanted.
-    """
+    """A table, times by the building's clocks, and no more rows than are wanted."""
     assert 0 == run("sql", "office", "select name, last_seen from doors order by 1 desc",
                     "--limit", "1")  # fmt: skip
 
@@ -99,9 +84,7 @@ def test_a_terminal(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.parametrize("name", ["x.parquet", "x.csv", "x.json"])
 def test_files(office: Path, name: str) -> None:
-    """
-    Their name tells the format; they are whole, or as they were.
-    """
+    """Their name tells the format; they are whole, or as they were."""
     assert 0 == run("sql", "office", "select name from doors order by 1", "--out", name)
 
     match name:
@@ -118,9 +101,7 @@ def test_files(office: Path, name: str) -> None:
 
 
 def test_an_answer_without_rows(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Has its head, or is an empty list.
-    """
+    """Has its head, or is an empty list."""
     query = "select name from doors where door_id = 9"
 
     assert 0 == run("sql", "office", query)
@@ -134,9 +115,7 @@ def test_an_answer_without_rows(office: Path, capsys: pytest.CaptureFixture[str]
 def test_a_query_from_a_file_or_a_pipe(
     office: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    With line ends and comments, as people keep them.
-    """
+    """With line ends and comments, as people keep them."""
     Path("q.sql").write_text("-- how many\nselect count(*) as n\nfrom doors;\n")
     assert 0 == run("sql", "office", "--file", "q.sql", "--json")
     monkeypatch.setattr(sys, "stdin", io.StringIO("select 2 as n"))
@@ -151,9 +130,7 @@ def test_a_query_from_a_file_or_a_pipe(
 def test_without_a_query_the_views_are_told(
     office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Each column of each view, with what it means.
-    """
+    """Each column of each view, with what it means."""
     assert 0 == run("sql", "office", "--json")
 
     told = json.loads(capsys.readouterr().out)
@@ -162,9 +139,7 @@ def test_without_a_query_the_views_are_told(
 
 
 def test_several_logs(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    The others bear their names.
-    """
+    """The others bear their names."""
     with sl.create("west") as log:
         log.add_door(name="gate")
     query = "select name from west.doors except select name from doors"
@@ -177,9 +152,7 @@ def test_several_logs(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_files_of_ones_own(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Only for who says so.
-    """
+    """Only for who says so."""
     Path("rooms.csv").write_text("name,room\nfront,hall\n")
     query = "select room from doors join 'rooms.csv' using (name)"
 
@@ -189,36 +162,24 @@ def test_files_of_ones_own(office: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert [{"room": "hall"}] == json.loads(capsys.readouterr().out)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "said"),
-    [
-        (["from nothing"], 1, "There are events, doors"),
-        (["select nix from doors"], 1, "doors: door_id, name"),
-        (["from doors_at('bad')"], 1, "Expected a moment such as"),
-        (["delete from events"], 1, "a query only reads"),
-        (["select 1", "--out", "x.txt"], 1, "unknown extension for an answer"),
-        (["select 1", "--csv", "--json"], 2, "expected one of --csv and --json"),
-        (["select 1", "--out", "office/x.csv"], 1, "lies in the log's own folder"),
-        (["select 1", "--limit", "0"], 2, "limit"),
-    ],
-)
-def test_bad_input(
-    office: Path, arguments: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """
-    DuckDB's message with ours, and nothing is written.
-    """
-    assert code == run("sql", "office", *arguments)
+def test_bad_input(office: Path, refuses: Refuses) -> None:
+    """DuckDB's message with ours, and nothing is written."""
+    refuses("""
+        sql office 'from nothing'
+        sql office 'select nix from doors'
+        sql office 'from doors_at('"'"'bad'"'"')'
+        sql office 'delete from events'
+        sql office 'select 1' --out x.txt
+        sql office 'select 1' --csv --json
+        sql office 'select 1' --out office/x.csv
+        sql office 'select 1' --limit 0
+    """)
 
-    out, err = capsys.readouterr()
-    assert said in err + out
     assert ["office"] == [path.name for path in office.iterdir()]
 
 
 def test_an_error_for_machines(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    As every verb has it.
-    """
+    """As every verb has it."""
     assert 1 == run("sql", "office", "from nothing", "--json")
 
     assert "SqlError" == json.loads(capsys.readouterr().out)["error"]["kind"]
@@ -250,9 +211,7 @@ ENDLESS = [
 def test_ctrl_c_ends_a_query_that_has_no_end(
     office: Path, query: str, number: signal.Signals
 ) -> None:
-    """
-    At once, with the exit code that other verbs have, and no traceback.
-    """
+    """At once, with the exit code that other verbs have, and no traceback."""
     command = [sys.executable, "-c", WAITS, "sql", "office", query, "--out", "x.csv"]
     env = {**os.environ, "PYTHONPATH": str(Path(sl.__file__).parents[1])}
     with subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as one:
@@ -269,9 +228,7 @@ def test_ctrl_c_ends_a_query_that_has_no_end(
 
 
 def test_a_query_from_a_pipe_that_is_no_text_is_an_error(tmp_path: Path) -> None:
-    """
-    In a line, as every other.
-    """
+    """In a line, as every other."""
     sl.create(tmp_path / "log", tz="UTC").close()
 
     done = subprocess.run(
@@ -288,9 +245,7 @@ def test_a_query_from_a_pipe_that_is_no_text_is_an_error(tmp_path: Path) -> None
 def test_a_query_from_a_pipe_that_never_ends_is_refused(
     office: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    It is read no further than the longest query may be.
-    """
+    """It is read no further than the longest query may be."""
     endless = io.StringIO("select " + "1" * 2**23)
     monkeypatch.setattr(sys, "stdin", endless)
 

@@ -14,10 +14,10 @@ import pytest
 from rich.cells import cell_len
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.cli.plain_streams import READER_GONE
 from semmap_log.core.model.events import RobotPose
 from tests.live.ros.running import DEADLINE_S
+from tests.verbs import ran
 
 
 @pytest.fixture
@@ -34,9 +34,9 @@ def office(tmp_path: Path) -> Path:
 
 
 def _said(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[str, str]:
-    with pytest.raises(SystemExit, match=r"^0$"):
-        main(["tail", *map(str, arguments)])
-    return capsys.readouterr()
+    code, out, err = ran(capsys, "tail", *arguments)
+    assert 0 == code, err
+    return out, err
 
 
 def _lines(capsys: pytest.CaptureFixture[str], *arguments: object) -> list[str]:
@@ -51,9 +51,7 @@ def wide_terminal(terminal: None, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("wide_terminal")
 def test_ten_lines_unless_told_otherwise(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Number, time in the log's zone, the door's name, what; robot poses only if asked for.
-    """
+    """Number, time in the log's zone, the door's name, what; robot poses only if asked for."""
     lines = _lines(capsys, office)
 
     assert [str(n) for n in range(14, 24)] == [line.split()[0] for line in lines]
@@ -67,9 +65,7 @@ def test_ten_lines_unless_told_otherwise(office: Path, capsys: pytest.CaptureFix
 
 @pytest.mark.usefixtures("wide_terminal")
 def test_who_and_why_stand_in_brackets(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    As the commit says it, behind each of its events.
-    """
+    """As the commit says it, behind each of its events."""
     lines = _lines(capsys, office, "-n", 100)
 
     assert lines[0].endswith("added without a place, UNKNOWN  [survey: first round]")
@@ -77,9 +73,7 @@ def test_who_and_why_stand_in_brackets(office: Path, capsys: pytest.CaptureFixtu
 
 @pytest.mark.usefixtures("wide_terminal")
 def test_the_last_of_one_door(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    By its name, however far back its events lie.
-    """
+    """By its name, however far back its events lie."""
     lines = _lines(capsys, office, "--door", "front", "-n", 12)
 
     assert ["0", "1", *(str(n) for n in range(4, 24, 2))] == [line.split()[0] for line in lines]
@@ -89,9 +83,7 @@ def test_the_last_of_one_door(office: Path, capsys: pytest.CaptureFixture[str]) 
 def test_all_behind_a_position(
     after: int, expected: int, office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    --after counts from the number that the reader had last; JSON has poses, too.
-    """
+    """--after counts from the number that the reader had last; JSON has poses, too."""
     lines = _lines(capsys, office, "--json", "--after", after)
 
     numbers = [json.loads(line)["event"] for line in lines]
@@ -100,9 +92,7 @@ def test_all_behind_a_position(
 
 @pytest.mark.slow
 def test_json_lines_can_be_recorded(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    What tail gives, record takes: the same log again.
-    """
+    """What tail gives, record takes: the same log again."""
     lines = _lines(capsys, office, "--json", "-n", 100)
     copy = office.with_name("copy")
     sl.create(copy, tz="UTC").close()
@@ -136,9 +126,7 @@ def _tail(*arguments: object) -> Iterator[subprocess.Popen[str]]:
 
 @pytest.mark.slow
 def test_following_until_ctrl_c(office: Path) -> None:
-    """
-    New events come as they are written, a door's new name with them; Ctrl-C is exit code 0.
-    """
+    """New events come as they are written, a door's new name with them; Ctrl-C is exit code 0."""
     with _tail(office, "-f", "-n", 1) as process:
         assert process.stdout is not None
         head, first = process.stdout.readline(), process.stdout.readline()
@@ -157,9 +145,7 @@ def test_following_until_ctrl_c(office: Path) -> None:
 
 @pytest.mark.slow
 def test_a_closed_pipe_ends_it(office: Path) -> None:
-    """
-    Also while nothing is written to the log: nobody else would end it.
-    """
+    """Also while nothing is written to the log: nobody else would end it."""
     with _tail(office, "-f", "-n", 1) as process:
         assert process.stdout is not None
         process.stdout.readline()
@@ -171,14 +157,9 @@ def test_a_closed_pipe_ends_it(office: Path) -> None:
 @pytest.mark.usefixtures("terminal")
 @pytest.mark.parametrize("columns", [24, 40, 80])
 def test_no_line_is_wider_than_the_terminal(
-    office: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    columns: int,
+    office: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, columns: int
 ) -> None:
-    """
-    What has no room goes on below, indented, and nothing of it is lost.
-    """
+    """What has no room goes on below, indented, and nothing of it is lost."""
     monkeypatch.setenv("COLUMNS", "1000")
     whole = _lines(capsys, office, "--after", -1)
     monkeypatch.setenv("COLUMNS", str(columns))
@@ -196,9 +177,7 @@ def test_no_line_is_wider_than_the_terminal(
 def test_names_of_wide_letters_stand_in_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    A terminal shows a Chinese letter two columns wide.
-    """
+    """A terminal shows a Chinese letter two columns wide."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         for name in ("front", "正面入口"):
             log.observe(log.add_door(name=name), "open")
@@ -213,9 +192,7 @@ def test_names_of_wide_letters_stand_in_line(
 def test_an_empty_log_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], more: list[object]
 ) -> None:
-    """
-    On stderr, with what to do: nobody waits for lines that cannot come.
-    """
+    """On stderr, with what to do: nobody waits for lines that cannot come."""
     sl.create(tmp_path / "log", tz="UTC").close()
 
     out, told = _said(capsys, tmp_path / "log", *more)
@@ -240,7 +217,5 @@ def test_an_empty_log_says_so(
 def test_who_asks_for_what_is_not_there_is_told(
     tmp_path: Path, office: Path, capsys: pytest.CaptureFixture[str], asked: list[object], told: str
 ) -> None:
-    """
-    And how far the log goes.
-    """
+    """And how far the log goes."""
     assert told == _said(capsys, office, *asked)[1].strip()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
+from tests.verbs import run
 
 pytestmark = pytest.mark.usefixtures("terminal")
 
@@ -25,18 +25,8 @@ def office(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def run(*arguments: str) -> int:
-    try:
-        main(arguments)
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
-
-
 def test_the_table_fits_a_terminal(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    80 columns, in the log's zone, with the shares at the end.
-    """
+    """80 columns, in the log's zone, with the shares at the end."""
     code = run("timeline", "office", "front", "--at", "2026-03-01T13:00")
 
     out = capsys.readouterr().out
@@ -49,9 +39,7 @@ def test_the_table_fits_a_terminal(office: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_a_range_cuts_it(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    --since and --until, or T1..T2; one JSON document, in seconds and UTC.
-    """
+    """--since and --until, or T1..T2; one JSON document, in seconds and UTC."""
     codes = [
         run("timeline", "office", "1", "--since", "2026-03-01T09:15", "--until",
             "2026-03-01T09:45", "--json"),
@@ -94,9 +82,7 @@ def test_a_range_cuts_it(office: Path, capsys: pytest.CaptureFixture[str]) -> No
 def test_before_the_door_was_there_nothing_is_shown(
     office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    That is no error; a door that never was is one.
-    """
+    """That is no error; a door that never was is one."""
     codes = [run("timeline", "office", "front", "--at", "2026-02-01")]
     early = capsys.readouterr()
     codes.append(run("timeline", "office", "side"))
@@ -110,9 +96,7 @@ def test_before_the_door_was_there_nothing_is_shown(
 def test_an_export_says_how_many_events_there_are(
     office: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Those that had happened by --at.
-    """
+    """Those that had happened by --at."""
     code = run("export", "office", "x.parquet", "--at", "2026-03-01T09:00")
 
     assert 0 == code
@@ -138,9 +122,7 @@ def test_how_long_a_sighting_holds_is_a_setting_of_the_log(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """
-    Given when the log is made, shown by `info` and below a timeline; kept by copies.
-    """
+    """Given when the log is made, shown by `info` and below a timeline; kept by copies."""
     log, copied = str(tmp_path / "log"), str(tmp_path / "copied")
     codes = [run("init", log, *options)]
     with sl.append(log) as writing:
@@ -161,9 +143,7 @@ def test_how_long_a_sighting_holds_is_a_setting_of_the_log(
 def test_no_setting_is_refused_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    A number below 0, or none, is no number of gaps; nothing is made.
-    """
+    """A number below 0, or none, is no number of gaps; nothing is made."""
     monkeypatch.chdir(tmp_path)
 
     codes = [run("init", "log", "--holds", given) for given in ("-1", "long")]

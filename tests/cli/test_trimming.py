@@ -13,9 +13,9 @@ from semmap_log.core.model.events import HistoryTrimmed, RobotPose
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.writing import segment_chain
-from tests.cli.test_verify import semmap
 from tests.log.trimming.logs import MinuteClock
 from tests.store.trimming.plain_chain import all_bytes
+from tests.verbs import ran
 
 HOUR_NS = 3600 * 10**9
 
@@ -45,54 +45,45 @@ def trimmings(log: Path) -> list[HistoryTrimmed]:
 
 
 def test_an_age_is_counted_from_now(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Done again at once, there is nothing more: the log's own words have not moved the moment.
-    """
+    """Done again at once, there is nothing more: the log's own words have not moved the moment."""
     for option in ("--thin", "--keep"):
-        code, out, _ = semmap(capsys, "retain", log, option, "5d", "--json")
+        code, out, _ = ran(capsys, "retain", log, option, "5d", "--json")
         done = json.loads(out)
         assert code == 0
         assert done["events"] > 200
-        code, out, _ = semmap(capsys, "retain", log, option, "5d", "--json")
+        code, out, _ = ran(capsys, "retain", log, option, "5d", "--json")
         assert code == 0
         assert json.loads(out)["events"] == 0
 
-    assert semmap(capsys, "replay", log, "--at", "9d ago")[0] == 1
-    assert semmap(capsys, "replay", log, "--at", "4d ago")[0] == 0
+    assert ran(capsys, "replay", log, "--at", "9d ago")[0] == 1
+    assert ran(capsys, "replay", log, "--at", "4d ago")[0] == 0
 
 
 def test_the_head_of_a_commit_that_is_gone(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Is not found; that it may be among those that went is said. A later one is found, and vouches
-    for nothing of what was trimmed.
-    """
+    """Is not found; that it may be among those that went is said."""
     heads = [commit.hash.hex() for commit in sl.read(log).commits()]
-    assert semmap(capsys, "retain", log, "--keep", "5d")[0] == 0
+    assert ran(capsys, "retain", log, "--keep", "5d")[0] == 0
 
-    code, out, _ = semmap(capsys, "verify", log, "--head", heads[100])
+    code, out, _ = ran(capsys, "verify", log, "--head", heads[100])
     assert code == 4
     assert "commits that were taken out" in " ".join(out.split())
-    code, out, _ = semmap(capsys, "verify", log, "--head", heads[-1])
+    code, out, _ = ran(capsys, "verify", log, "--head", heads[-1])
     assert code == 4
     assert "not vouched for" in out
     assert "commits that were taken out" not in " ".join(out.split())
 
 
 def test_what_is_kept_may_begin_at_a_time(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    One that is still to come is refused, and so is what is no time.
-    """
+    """One that is still to come is refused, and so is what is no time."""
     day = time.strftime("%Y-%m-%d", time.gmtime(time.time() - 3 * 86400))
-    assert (
-        semmap(capsys, "retain", log, "--keep", day, "--by", "admin", "--reason", "policy")[0] == 0
-    )
+    assert ran(capsys, "retain", log, "--keep", day, "--by", "admin", "--reason", "policy")[0] == 0
     assert trimmings(log)[-1].reasons == "expired"
     assert day in trimmings(log)[-1].rule
     commit = list(sl.read(log).commits())[-1]
     assert (commit.note.actor, commit.note.reason) == ("admin", "policy")
 
     for told, why in (("2100-01-01", "still to come"), ("much", "2h or 1.5d")):
-        code, _, err = semmap(capsys, "retain", log, "--keep", told)
+        code, _, err = ran(capsys, "retain", log, "--keep", told)
         assert code
         assert why in " ".join(err.split())
 
@@ -101,26 +92,22 @@ def test_what_is_kept_may_begin_at_a_time(log: Path, capsys: pytest.CaptureFixtu
 def test_retain_wants_one_of_two(
     log: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
 ) -> None:
-    """
-    What else could be meant is not guessed.
-    """
-    code, _, err = semmap(capsys, "retain", log, *words)
+    """What else could be meant is not guessed."""
+    code, _, err = ran(capsys, "retain", log, *words)
 
     assert code == 2
     assert "expected --keep or --thin" in err
 
 
 def test_a_dry_run_says_what_would_go(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    The same numbers as afterwards, and no byte is written.
-    """
+    """The same numbers as afterwards, and no byte is written."""
     before = {path.name: path.read_bytes() for path in log.iterdir()}
     words = ("redact", log, "--actor", "anna", "--tracks", "--door", "front", "--key", "owner")
 
-    said = json.loads(semmap(capsys, *words, "--dry-run", "--json")[1])
+    said = json.loads(ran(capsys, *words, "--dry-run", "--json")[1])
 
     assert {path.name: path.read_bytes() for path in log.iterdir()} == before
-    done = json.loads(semmap(capsys, *words, "--json")[1])
+    done = json.loads(ran(capsys, *words, "--json")[1])
     numbers = ("events", "notes", "segments")
     assert [said[name] for name in numbers] == [done[name] for name in numbers]
     assert (done["events"], done["notes"]) == (241, 2)
@@ -129,25 +116,21 @@ def test_a_dry_run_says_what_would_go(log: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_what_was_redacted_is_in_no_file(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    And `verify` says that something went, by which rule.
-    """
+    """And `verify` says that something went, by which rule."""
     (log / "office_000000.mcap.torn-1").write_bytes(b"Zoe")
     words = ("--actor", "anna", "--door", "front", "--key", "owner", "--by", "officer")
 
-    code, out, err = semmap(capsys, "redact", log, *words)
+    code, out, err = ran(capsys, "redact", log, *words)
 
     assert code == 0
     assert "took out 1 event and 2 notes" in out
     assert "torn-1: may hold it still" in err
     (log / "office_000000.mcap.torn-1").unlink()
     assert not [name for name, data in all_bytes(log) if b"Zoe" in data or b"anna" in data]
-    code, out, _ = semmap(capsys, "verify", log)
+    code, out, _ = ran(capsys, "verify", log)
     assert code == 0
     assert "1 event and 2 notes were taken out (redacted)" in " ".join(out.split()), out
-    assert semmap(capsys, "redact", log, *words)[1].endswith(
-        "there is nothing of that to take out.\n"
-    )
+    assert ran(capsys, "redact", log, *words)[1].endswith("there is nothing of that to take out.\n")
 
 
 @pytest.mark.parametrize(
@@ -158,12 +141,10 @@ def test_what_was_redacted_is_in_no_file(log: Path, capsys: pytest.CaptureFixtur
 def test_redact_wants_to_know_what(
     log: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], why: str
 ) -> None:
-    """
-    Nothing is taken out that nobody named.
-    """
+    """Nothing is taken out that nobody named."""
     before = {path.name: path.read_bytes() for path in log.iterdir()}
 
-    code, _, err = semmap(capsys, "redact", log, *words)
+    code, _, err = ran(capsys, "redact", log, *words)
 
     assert code
     assert why in err
@@ -173,13 +154,11 @@ def test_redact_wants_to_know_what(
 def test_while_somebody_writes_nothing_is_taken_out(
     log: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    It is said who; the log is as it was.
-    """
+    """It is said who; the log is as it was."""
     before = sorted(path.name for path in log.iterdir())
     lock = WriterLock(LogFolder(log))
     try:
-        code, _, err = semmap(capsys, "redact", log, "--tracks")
+        code, _, err = ran(capsys, "redact", log, "--tracks")
     finally:
         lock.release()
 
@@ -190,28 +169,24 @@ def test_while_somebody_writes_nothing_is_taken_out(
 
 
 def test_a_pinned_moment_outlives_its_past(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Asked by its name after the retention; a name that nobody gave is an error.
-    """
-    assert semmap(capsys, "pin", log, "audit", "--at", "9d ago", "--actor", "anna")[0] == 0
-    was = json.loads(semmap(capsys, "replay", log, "--at", "pin:audit", "--json")[1])
-    assert semmap(capsys, "retain", log, "--keep", "2d")[0] == 0
+    """Asked by its name after the retention; a name that nobody gave is an error."""
+    assert ran(capsys, "pin", log, "audit", "--at", "9d ago", "--actor", "anna")[0] == 0
+    was = json.loads(ran(capsys, "replay", log, "--at", "pin:audit", "--json")[1])
+    assert ran(capsys, "retain", log, "--keep", "2d")[0] == 0
 
-    now = json.loads(semmap(capsys, "replay", log, "--at", "pin:audit", "--json")[1])
+    now = json.loads(ran(capsys, "replay", log, "--at", "pin:audit", "--json")[1])
     assert now["doors"] == was["doors"]
-    assert semmap(capsys, "replay", log, "--at", "9d ago")[0] == 1
-    code, _, err = semmap(capsys, "replay", log, "--at", "pin:nothing")
+    assert ran(capsys, "replay", log, "--at", "9d ago")[0] == 1
+    code, _, err = ran(capsys, "replay", log, "--at", "pin:nothing")
     assert code == 1
     assert "nothing" in err
-    code, _, err = semmap(capsys, "pin", log, "late", "--at", "9d ago")
+    code, _, err = ran(capsys, "pin", log, "late", "--at", "9d ago")
     assert code == 1
     assert "no longer kept" in err
 
 
 def test_the_same_pin_sent_again_is_stored_once(log: Path) -> None:
-    """
-    By the id of its command, as any other command.
-    """
+    """By the id of its command, as any other command."""
     with sl.append(log) as opened:
         first = opened.pin("audit", at="2d ago", command_id=bytes(15) + b"\1", actor="anna")
         again = opened.pin("audit", at="2d ago", command_id=bytes(15) + b"\1", actor="anna")

@@ -7,12 +7,12 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from semmap_log.store.reading.segment_scan import open_segment
 from tests.store.eventful import contents, eventful_log, flip
+from tests.verbs import ran
 
 
 @pytest.fixture(scope="module")
@@ -29,26 +29,11 @@ def log(original: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     return Path(shutil.copytree(original, tmp_path / "log"))
 
 
-def semmap(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
-    """Run a command; return its exit code and what it printed."""
-    from semmap_log.cli import main
-
-    code: Any = 0
-    try:
-        main([str(argument) for argument in arguments])
-    except SystemExit as left:
-        code = left.code or 0
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
-
-
 def test_a_good_log_in_a_line_with_its_head(log: Path, capsys) -> None:
-    """
-    What was read, the hash, and what to do with it; 80 columns are enough.
-    """
-    head = json.loads(semmap(capsys, "info", "log", "--json")[1])["head"]
+    """What was read, the hash, and what to do with it; 80 columns are enough."""
+    head = json.loads(ran(capsys, "info", "log", "--json")[1])["head"]
 
-    code, out, err = semmap(capsys, "verify", "log")
+    code, out, err = ran(capsys, "verify", "log")
 
     lines = out.splitlines()
     assert (0, "") == (code, err)
@@ -59,14 +44,12 @@ def test_a_good_log_in_a_line_with_its_head(log: Path, capsys) -> None:
 
 
 def test_damage_says_where_what_and_what_to_do(log: Path, capsys) -> None:
-    """
-    Exit code 4; file, byte and events of each place.
-    """
+    """Exit code 4; file, byte and events of each place."""
     file = log / "log_000001.mcap"
     chunk = open_segment(file).chunks[1]
     flip(file, chunk.data_offset + 40)
 
-    code, out, _ = semmap(capsys, "verify", "log")
+    code, out, _ = ran(capsys, "verify", "log")
 
     assert 4 == code
     assert "log: damaged" in out
@@ -77,13 +60,11 @@ def test_damage_says_where_what_and_what_to_do(log: Path, capsys) -> None:
 
 
 def test_json_is_one_document(log: Path, capsys) -> None:
-    """
-    The same, for machines.
-    """
+    """The same, for machines."""
     file = log / "log_000001.mcap"
     flip(file, open_segment(file).chunks[1].data_offset + 40)
 
-    code, out, _ = semmap(capsys, "verify", "log", "--json")
+    code, out, _ = ran(capsys, "verify", "log", "--json")
 
     said = json.loads(out)
     (finding,) = said["findings"]
@@ -95,15 +76,13 @@ def test_json_is_one_document(log: Path, capsys) -> None:
 
 
 def test_the_head_that_was_kept(log: Path, capsys) -> None:
-    """
-    Still there, gone, or not a hash at all.
-    """
-    head = json.loads(semmap(capsys, "verify", "log", "--json")[1])["head"]
-    semmap(capsys, "observe", "log", "front", "open")
+    """Still there, gone, or not a hash at all."""
+    head = json.loads(ran(capsys, "verify", "log", "--json")[1])["head"]
+    ran(capsys, "observe", "log", "front", "open")
 
-    grown = semmap(capsys, "verify", "log", "--head", head)
-    other = semmap(capsys, "verify", "log", "--head", "00" * 31 + "01")
-    wrong = semmap(capsys, "verify", "log", "--head", head[:-1])
+    grown = ran(capsys, "verify", "log", "--head", head)
+    other = ran(capsys, "verify", "log", "--head", "00" * 31 + "01")
+    wrong = ran(capsys, "verify", "log", "--head", head[:-1])
 
     assert 0 == grown[0]
     assert "contains the given head, and 1 event after it" in grown[1]
@@ -114,15 +93,13 @@ def test_the_head_that_was_kept(log: Path, capsys) -> None:
 
 
 def test_torn_and_absent_and_unreadable(log: Path, original: Path, capsys) -> None:
-    """
-    3 and nothing to do, 5, and for a format of tomorrow 1.
-    """
+    """3 and nothing to do, 5, and for a format of tomorrow 1."""
     file = log / "log_000000.mcap"
     end = open_segment(file).chunks[-1].offset
     file.write_bytes(file.read_bytes()[: end + 9])
 
-    torn = semmap(capsys, "verify", file)
-    absent = semmap(capsys, "verify", "nolog")
+    torn = ran(capsys, "verify", file)
+    absent = ran(capsys, "verify", "nolog")
 
     assert 3 == torn[0]
     assert "torn tail" in torn[1]
@@ -132,9 +109,7 @@ def test_torn_and_absent_and_unreadable(log: Path, original: Path, capsys) -> No
 
 @pytest.mark.slow
 def test_flipped_bits_by_the_command(log: Path) -> None:
-    """
-    A sample of places, by real processes: 4 each time.
-    """
+    """A sample of places, by real processes: 4 each time."""
     file = log / "log_000002.mcap"
     whole = file.read_bytes()
     codes = []
@@ -149,9 +124,7 @@ def test_flipped_bits_by_the_command(log: Path) -> None:
 
 @pytest.mark.slow
 def test_nothing_is_written_and_no_permission_to_is_needed(log: Path) -> None:
-    """
-    As nobody, on files and a folder that may only be read: no lock file, no byte changed.
-    """
+    """As nobody, on files and a folder that may only be read: no lock file, no byte changed."""
     (log / ".lock").unlink()
     before = contents(log)
     for path in (*log.iterdir(), log, *log.parents):
@@ -180,9 +153,7 @@ def _as_nobody(log: Path) -> subprocess.CompletedProcess[bytes]:
 
 @pytest.mark.slow
 def test_a_disk_that_does_not_give_some_bytes(log: Path, tmp_path: Path) -> None:
-    """
-    A read error of the disk is a finding with its place, not a dead process; the rest is read.
-    """
+    """A read error of the disk is a finding with its place, not a dead process."""
     import shutil
 
     if shutil.which("strace") is None:

@@ -20,9 +20,7 @@ PAGE = (ROOT / "docs" / "guides" / "doors_from_a_laser.md").read_text(encoding="
 
 @pytest.mark.slow
 def test_what_the_page_says_about_a_bag(tmp_path: Path) -> None:
-    """
-    From the bag to the door map, and back to the truth.
-    """
+    """From the bag to the door map, and back to the truth."""
     runner = Runner(tmp_path)
     write_ros1(tmp_path / "patrol.bag", drives_by(1))
 
@@ -33,9 +31,7 @@ def test_what_the_page_says_about_a_bag(tmp_path: Path) -> None:
 
 
 def test_the_mapping_of_the_page_can_be_read(tmp_path: Path) -> None:
-    """
-    With the lasers that it names.
-    """
+    """With the lasers that it names."""
     text = PAGE.partition("```yaml\n")[2].partition("```")[0]
     (tmp_path / "robot.yaml").write_text(text, encoding="utf-8")
 
@@ -48,9 +44,7 @@ def test_the_mapping_of_the_page_can_be_read(tmp_path: Path) -> None:
 
 
 def test_pictures_of_the_page_are_small_and_told_in_words() -> None:
-    """
-    For who cannot see them, and for who is on the road.
-    """
+    """For who cannot see them, and for who is on the road."""
     pictures = re.findall(r"!\[([^]]*)\]\(([^)]*)\)", PAGE)
 
     assert 3 == len(pictures)
@@ -61,9 +55,7 @@ def test_pictures_of_the_page_are_small_and_told_in_words() -> None:
 
 @pytest.mark.slow
 def test_pictures_of_the_page_can_be_made_anew(tmp_path: Path) -> None:
-    """
-    By the command that the contributors' page names.
-    """
+    """By the command that the contributors' page names."""
     command = "python tools/laser_pictures.py"
     assert command in (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 

@@ -37,9 +37,7 @@ def _anchors(path: Path) -> set[str]:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_links_lead_somewhere(path: Path) -> None:
-    """
-    Every relative link is a file of the project; what it names of it is a heading there.
-    """
+    """Every relative link is a file of the project; what it names of it is a heading there."""
     wrong = []
     for link in _LINK.findall(_CODE.sub("", path.read_text(encoding="utf-8"))):
         if "://" in link:
@@ -53,9 +51,7 @@ def test_links_lead_somewhere(path: Path) -> None:
 
 
 def test_the_files_that_a_newcomer_is_sent_to_are_there() -> None:
-    """
-    CONTRIBUTING.md and the page on the architecture name files in backticks, in their tables.
-    """
+    """CONTRIBUTING.md and the page on the architecture name files in backticks, in their tables."""
     pages = [ROOT / "CONTRIBUTING.md", ROOT / "docs" / "architecture.md"]
     text = "".join(page.read_text(encoding="utf-8") for page in pages)
     tables = "\n".join(line for line in text.splitlines() if line.startswith("| "))

@@ -155,9 +155,7 @@ HOURS = ("07:35", "08:30", "10:30", "11:00", "13:30", "14:30", "15:30", "19:30",
 
 @pytest.mark.parametrize("names", ["at", "known_at", "at known_at"])
 def test_moments_of_a_shipped_recording(names: str) -> None:
-    """
-    What was true, what was known, and both: known at each moment is what was true at 10:30.
-    """
+    """What was true, what was known, and both: known at each moment is what was true at 10:30."""
     log = ROOT / "recordings" / "office"
     said = set()
 
@@ -175,9 +173,6 @@ def test_moments_of_a_shipped_recording(names: str) -> None:
 
 @pytest.mark.parametrize("which", ["log", "live"])
 def test_a_log_with_everything_in_it(which: str, live: Path) -> None:
-    """
-    Closed, and live.
-    """
     log = live.parent / which
 
     said = read_by_page(log)
@@ -192,9 +187,7 @@ INDEX_BYTES = 62
 
 @pytest.mark.parametrize("cut", [1, 62, 63, 200, 500, 1500, 4000])
 def test_a_torn_tail(cut: int, live: Path) -> None:
-    """
-    Wherever the file ends: the last whole commit is the last one that counts.
-    """
+    """Wherever the file ends: the last whole commit is the last one that counts."""
     whole = read_by_page(live)["commits"]
     segment = segment_of(live)
     with segment.open("r+b") as file:
@@ -207,9 +200,7 @@ def test_a_torn_tail(cut: int, live: Path) -> None:
 
 
 def test_a_changed_event_does_not_fit_its_hash(live: Path) -> None:
-    """
-    Also where whoever changed it made the chunk's checksum anew.
-    """
+    """Also where whoever changed it made the chunk's checksum anew."""
     segment = segment_of(live)
     data = bytearray(segment.read_bytes())
     at = data.rindex(struct.pack("<d", 0.9))
@@ -237,9 +228,7 @@ def _is_chunk(data: bytearray, start: int, inside: int) -> bool:
 
 
 def test_a_log_without_its_first_segment_is_refused(tmp_path: Path) -> None:
-    """
-    The reader follows the page's rules for the order of segments.
-    """
+    """The reader follows the page's rules for the order of segments."""
     log = tmp_path / "clinic"
     shutil.copytree(ROOT / "recordings" / "clinic_week", log)
     min(log.glob("*.mcap")).unlink()
@@ -257,9 +246,7 @@ HOURS_OF_SUNDAY = ("00:30", "09:00", "10:17", "15:00", "20:30")
     ids=["tracks", "notes", "notes of one actor, and a name"],
 )
 def test_a_redacted_log(parts: list[Any], tmp_path: Path) -> None:
-    """
-    All of its moments can be asked about, and the head of the hash chain is the product's.
-    """
+    """All of its moments can be asked about, and the head of the hash chain is the product's."""
     log = tmp_path / "office"
     shutil.copytree(ROOT / "recordings" / "office", log)
 
@@ -289,9 +276,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("names", ["at", "known_at"])
 def test_a_log_with_a_horizon(names: str, kept: Path) -> None:
-    """
-    The doors at each moment behind it, from the keyframe that stands there.
-    """
+    """The doors at each moment behind it, from the keyframe that stands there."""
     assert read_by_product(kept) == without_nan(read_by_page(kept))
     for hour in HOURS_OF_SUNDAY:
         moment = sl.read(kept).instant(f"2026-03-08T{hour}")
@@ -301,9 +286,6 @@ def test_a_log_with_a_horizon(names: str, kept: Path) -> None:
 
 @pytest.mark.parametrize("option", ["--at", "--known-at"])
 def test_a_moment_before_the_horizon_is_refused(option: str, kept: Path) -> None:
-    """
-    By both.
-    """
     moment = LogReader(kept).horizon_ns - 1
 
     assert "is no longer kept" in run_reader(kept, f"{option}={moment}").stderr
@@ -313,9 +295,7 @@ def test_a_moment_before_the_horizon_is_refused(option: str, kept: Path) -> None
 
 @pytest.mark.parametrize("at", [-1, 0, 1])
 def test_an_annotation_counts_since_its_door_was_added(at: int, tmp_path: Path) -> None:
-    """
-    One that says it was before, or at that very moment and with a lesser number, is none.
-    """
+    """One that says it was before, or at that very moment and with a lesser number, is none."""
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock()) as log:
         added_ns = log.now_ns() - 10**9
         log.append([DoorAdded(door_id=7, x=1, y=2, theta=0, width=1, happened_ns=added_ns)])
@@ -329,9 +309,7 @@ def test_an_annotation_counts_since_its_door_was_added(at: int, tmp_path: Path) 
 
 
 def test_what_is_left_of_a_commit_is_held_to_its_tombstone(tmp_path: Path) -> None:
-    """
-    A segment that claims that something else was left.
-    """
+    """A segment that claims that something else was left."""
     log = tmp_path / "office"
     shutil.copytree(ROOT / "recordings" / "office", log)
     trim_log(log, Redaction([Tracks()], OF_ALL))
@@ -353,9 +331,7 @@ def _table(heading: str) -> list[list[str]]:
 
 
 def test_the_table_of_channels_is_the_products() -> None:
-    """
-    Ids, topics and types.
-    """
+    """Ids, topics and types."""
     told = {row[0]: (row[1], row[2]) for row in _table("Channels and messages")}
 
     floor = told.pop("100 + level, schema 13")
@@ -368,9 +344,7 @@ def test_the_table_of_channels_is_the_products() -> None:
 
 
 def test_the_table_of_a_commits_bytes_is_the_products() -> None:
-    """
-    Offsets, sizes and order.
-    """
+    """Offsets, sizes and order."""
     commit = layout("Commit").dtype
     assert commit.fields is not None
     below = PAGE[PAGE.index("That of a Commit is") :]
@@ -384,9 +358,7 @@ def test_the_table_of_a_commits_bytes_is_the_products() -> None:
 
 
 def test_the_table_of_the_heads_entries_is_the_products() -> None:
-    """
-    Each key that a writer writes, and those that it leaves out when they say nothing.
-    """
+    """Each key that a writer writes, and those that it leaves out when they say nothing."""
     info, trimmed = LogInfo("0" * 32, "UTC", holds=5), Trimmed(TrimReason.EXPIRED, 9, 7)
     header = SegmentHeader(info, 0, 0, bytes(32), minor=1, trimmed=trimmed)
     told = {

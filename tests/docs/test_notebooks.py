@@ -24,9 +24,7 @@ def outputs_of(notebook: Any) -> list[Any]:
 @pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs(path: Path) -> None:
-    """
-    In its own folder, as a reader runs it: no cell fails or warns, and there is something to see.
-    """
+    """In its own folder, as a reader runs it."""
     nbclient = pytest.importorskip("nbclient", reason="nbclient (extra `test`) is not installed")
     notebook = read(path)
     where = {"metadata": {"path": str(path.parent)}}
@@ -41,9 +39,7 @@ def test_a_notebook_runs(path: Path) -> None:
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_is_stored_as_it_was_written(path: Path) -> None:
-    """
-    Without outputs and counts, which would change at each run; it is valid, and begins with prose.
-    """
+    """Without outputs and counts, which would change at each run."""
     notebook = read(path)
 
     nbformat.validate(notebook)
@@ -53,7 +49,5 @@ def test_a_notebook_is_stored_as_it_was_written(path: Path) -> None:
 
 
 def test_there_are_notebooks() -> None:
-    """
-    So that a change of folders does not silently run none.
-    """
+    """So that a change of folders does not silently run none."""
     assert 3 <= len(NOTEBOOKS)

@@ -45,9 +45,7 @@ def _to_run(path: Path) -> list[Block]:
     ids=lambda path: str(path.relative_to(ROOT)),
 )
 def test_what_a_page_runs_does_what_it_says(path: Path, tmp_path: Path) -> None:
-    """
-    All of its examples, one after the other, in one fresh folder.
-    """
+    """All of its examples, one after the other, in one fresh folder."""
     runner = Runner(tmp_path)
 
     for block in _to_run(path):
@@ -55,9 +53,7 @@ def test_what_a_page_runs_does_what_it_says(path: Path, tmp_path: Path) -> None:
 
 
 def test_the_examples_are_many() -> None:
-    """
-    So that a change of how blocks are written does not silently run none.
-    """
+    """So that a change of how blocks are written does not silently run none."""
     languages = [block.language for path in PAGES for block in _to_run(path)]
 
     assert 20 < languages.count("console") + languages.count("sh")
@@ -71,9 +67,7 @@ _MADE = re.compile(
 
 
 def test_what_a_page_makes_is_called_otherwise_than_what_others_make() -> None:
-    """
-    So that they can be followed one after the other, in one folder.
-    """
+    """So that they can be followed one after the other, in one folder."""
     makers: dict[str, set[str]] = {}
     fenced = re.compile(r"^```\w+\n(.*?)^```$", re.DOTALL | re.MULTILINE)
     for path in PAGES:
@@ -97,9 +91,7 @@ def _lines(path: Path) -> list[str]:
     [pytest.param(line, id=f"{path.name}: {line}"[:80]) for path in PAGES for line in _lines(path)],
 )
 def test_what_a_page_does_not_run_has_verbs_and_options_that_there_are(line: str) -> None:
-    """
-    A verb or an option that was renamed is noticed also where ROS or a screen is wanted.
-    """
+    """A verb or an option that was renamed is noticed also where ROS or a screen is wanted."""
     verb, words = get_command(app), shlex.split(line, comments=True)[1:]
     while commands := getattr(verb, "commands", None):
         verb, words = commands[words[0]], words[1:]
@@ -121,17 +113,13 @@ def test_what_a_page_does_not_run_has_verbs_and_options_that_there_are(line: str
     ids=["wrong output", "output left out", "exit code", "program", "session"],
 )
 def test_a_wrong_example_is_noticed(block: Block, problem: str, tmp_path: Path) -> None:
-    """
-    Whatever it is wrong about.
-    """
+    """Whatever it is wrong about."""
     with pytest.raises(WrongOutput, match=re.escape(problem)):
         Runner(tmp_path).run(block)
 
 
 def test_times_of_the_last_minutes_stand_for_each_other_and_no_others_do() -> None:
-    """
-    A page shows the time when it was written; of a recording it shows the recording's.
-    """
+    """A page shows the time when it was written; of a recording it shows the recording's."""
     now = datetime.now(timezone.utc)
     printed = f"event 2 at {now:%Y-%m-%d %H:%M:%S}, 3 s ago"
 
@@ -142,18 +130,14 @@ def test_times_of_the_last_minutes_stand_for_each_other_and_no_others_do() -> No
 
 
 def test_a_command_may_take_several_lines() -> None:
-    """
-    As in a shell, a backslash at the end joins the next.
-    """
+    """As in a shell, a backslash at the end joins the next."""
     console = "$ one \\\n    two\nsaid\n$ three\n"
 
     assert [("one \\\n    two", "said"), ("three", "")] == examples_of(console)
 
 
 def test_the_set_up_of_the_quickstart_is_the_readmes() -> None:
-    """
-    Told in two places for who begins at either, and the same.
-    """
+    """Told in two places for who begins at either, and the same."""
     first, quick = (
         re.findall(rf"^{SET_UP}.*$", (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE)[0]
         for name in ("README.md", "docs/quickstart.md")
@@ -167,9 +151,7 @@ def test_the_set_up_of_the_quickstart_is_the_readmes() -> None:
     [("README.md", "OPEN\n"), ("docs/guides/python.md", "OPEN\n{1: 1}\n{1: 1}\n")],
 )
 def test_a_program_prints_what_its_comments_say(name: str, printed: str, tmp_path: Path) -> None:
-    """
-    In an empty folder, without the page's other examples.
-    """
+    """In an empty folder, without the page's other examples."""
     page = (ROOT / name).read_text(encoding="utf-8")
     (program,) = [block.text for block in blocks_of(page) if block.language == "python"]
 

@@ -44,9 +44,7 @@ def _missing(page: str) -> list[str]:
 def test_what_the_page_runs_does_what_it_says(
     page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    From nothing to the answers; a part that needs what is not installed is left out, by name.
-    """
+    """From nothing to the answers; a part that needs what is not installed is left out, by name."""
     text = (GUIDES / page).read_text(encoding="utf-8")
     if oprs := os.environ.get("SEMMAP_OPRS"):
         monkeypatch.setenv("OPRS", oprs)
@@ -76,9 +74,7 @@ def test_what_the_page_runs_does_what_it_says(
 
 
 def test_a_node_fails_where_nobody_answers(tmp_path: Path) -> None:
-    """
-    The page's program without a server: its tree ends, and says why.
-    """
+    """The page's program without a server: its tree ends, and says why."""
     pytest.importorskip("py_trees", reason="pip install py_trees")
     text = (GUIDES / "planners_behaviour_trees.md").read_text(encoding="utf-8")
     (program,) = [block for block in blocks_of(text) if block.language == "python"]
@@ -90,9 +86,7 @@ def test_a_node_fails_where_nobody_answers(tmp_path: Path) -> None:
 
 
 def test_the_pages_are_all_that_there_are() -> None:
-    """
-    One that comes has to be put into the table here.
-    """
+    """One that comes has to be put into the table here."""
     assert NEEDS.keys() == {path.name for path in GUIDES.glob("planners_*.md")}
 
 

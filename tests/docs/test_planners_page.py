@@ -21,9 +21,7 @@ PRINTED = "0.75\n['DOOR_1']\n"
 
 @pytest.mark.slow
 def test_what_the_page_says_about_planners(tmp_path: Path) -> None:
-    """
-    Its log, its server, its questions, and the client in Python, which is short.
-    """
+    """Its log, its server, its questions, and the client in Python, which is short."""
     runner, (first, *others) = Runner(tmp_path), blocks_of(PAGE)
     runner.run(first)
     command = [sys.executable, "-m", "semmap_log", *shlex.split(SERVE, comments=True)]

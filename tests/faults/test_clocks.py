@@ -13,9 +13,7 @@ import semmap_log as sl
 
 @pytest.mark.parametrize("lie", LIES)
 def test_no_clock_changes_the_order(lie: str, memory: Path) -> None:
-    """
-    Over several segments and openings: no gap, no event in another place, none lost.
-    """
+    """Over several segments and openings: no gap, no event in another place, none lost."""
     outcome = write_by(memory / "log", lie, LIES[lie])
 
     assert "" == outcome.problem
@@ -24,9 +22,7 @@ def test_no_clock_changes_the_order(lie: str, memory: Path) -> None:
 
 @pytest.mark.slow
 def test_clocks_that_jump_at_random_change_nothing_either(memory: Path) -> None:
-    """
-    By nanoseconds, seconds, days and years, back and forth.
-    """
+    """By nanoseconds, seconds, days and years, back and forth."""
     dice = random.Random(3)
 
     outcomes = [write_by(memory / str(n), str(n), at_random(dice)) for n in range(10)]
@@ -35,10 +31,7 @@ def test_clocks_that_jump_at_random_change_nothing_either(memory: Path) -> None:
 
 
 def test_what_has_no_time_of_its_own_folds_as_the_clock_said(memory: Path) -> None:
-    """
-    By a clock two days behind, a sighting without a time is older than one before: both are kept,
-    and the later happened wins, whatever their numbers.
-    """
+    """By a clock two days behind, a sighting without a time is older than one before."""
     clock = LyingClock(lambda look, ns: ns - (look > 8) * 2 * DAY)
     with sl.create(memory / "log", tz="UTC", clock=clock) as log:
         door = log.add_door()
@@ -54,9 +47,7 @@ def test_what_has_no_time_of_its_own_folds_as_the_clock_said(memory: Path) -> No
 
 
 def test_a_time_that_is_still_to_come_folds_as_recorded(memory: Path) -> None:
-    """
-    An event that says next year counts from when it was recorded, not later.
-    """
+    """An event that says next year counts from when it was recorded, not later."""
     with sl.create(memory / "log", tz="UTC", clock=LyingClock(lambda _, ns: ns)) as log:
         door = log.add_door()
         recorded = log.observe(door, "open", at=NOW + 365 * DAY).commit.recorded_ns
@@ -78,9 +69,7 @@ def test_a_time_that_is_still_to_come_folds_as_recorded(memory: Path) -> None:
     ],
 )
 def test_suspect_commits_are_named(lie: str, said: list[str], memory: Path) -> None:
-    """
-    `info` says at which events the clock went back, or jumped against the clock of its boot.
-    """
+    """`info` says at which events the clock went back, or jumped against the clock of its boot."""
     write_by(memory / "log", lie, LIES[lie])
 
     suspects = [s.why for s in sl.read(memory / "log").summary().suspects]

@@ -44,9 +44,7 @@ def kinds(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_loss_is_an_exit_code_and_says_how_to_see_it_again(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """
-    The table counts it, and names the fault and where the log is kept.
-    """
+    """The table counts it, and names the fault and where the log is kept."""
     code = command.main(["loses", "--seed", "9", "--keep", "over/here"])
 
     shown = capsys.readouterr().out
@@ -56,9 +54,7 @@ def test_a_loss_is_an_exit_code_and_says_how_to_see_it_again(
 
 
 def test_what_cannot_be_tried_is_said_aloud(capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    It is no failure, and no success that somebody could overlook.
-    """
+    """It is no failure, and no success that somebody could overlook."""
     code = command.main(["cannot"])
 
     assert 0 == code
@@ -66,9 +62,7 @@ def test_what_cannot_be_tried_is_said_aloud(capsys: pytest.CaptureFixture[str]) 
 
 
 def test_a_number_ends_an_endless_kind(capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    So many faults, one JSON document.
-    """
+    """So many faults, one JSON document."""
     code = command.main(["endless", "--faults", "5", "--json"])
 
     said = json.loads(capsys.readouterr().out)
@@ -77,9 +71,6 @@ def test_a_number_ends_an_endless_kind(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_a_time_ends_an_endless_kind(capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    So many seconds.
-    """
     assert 0 == command.main(["endless", "--seconds", "0.05", "--json"])
 
     (said,) = json.loads(capsys.readouterr().out)["kinds"]
@@ -88,9 +79,7 @@ def test_a_time_ends_an_endless_kind(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_a_kind_that_does_not_exist_is_named(tmp_path: Path) -> None:
-    """
-    A wrong word on the command line is the user's error, and says what there is.
-    """
+    """A wrong word on the command line is the user's error, and says what there is."""
     done = subprocess.run(
         [sys.executable, TOOLS / "faults.py", "disks"], capture_output=True, text=True, check=False
     )
@@ -117,9 +106,7 @@ def _counts(out: str) -> dict[str, int]:
 def test_the_time_is_the_whole_runs(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Each kind gets its share of what is left; what one does not need, the others get.
-    """
+    """Each kind gets its share of what is left; what one does not need, the others get."""
     kinds = {"one": _endless, "short": _loses, "two": _endless, "three": _endless}
     monkeypatch.setattr(command, "KINDS", kinds)
     clock = _Clock()
@@ -138,9 +125,7 @@ def test_the_time_is_the_whole_runs(
 def test_kinds_for_which_no_time_is_left_are_named(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    They are no success.
-    """
+    """They are no success."""
     monkeypatch.setattr(command, "KINDS", {"one": _endless, "two": _endless})
 
     assert 0 == command.main(["--seconds", "0"], _Clock())
@@ -153,9 +138,7 @@ def test_kinds_for_which_no_time_is_left_are_named(
 def test_a_line_for_each_kind_and_lines_meanwhile(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    On a pipe, every few seconds, and when a kind has ended.
-    """
+    """On a pipe, every few seconds, and when a kind has ended."""
     monkeypatch.setattr(command, "KINDS", {"one": _endless, "two": _endless})
 
     command.main(["--seconds", "60", "--json"], _Clock())
@@ -188,9 +171,7 @@ def _hangs_in_a_fault(plan: Plan) -> Generator[Outcome, None, None]:
 def test_a_fault_that_does_not_end_is_ended(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    With all its processes; what it has to put away is put away, and the next kind has its turn.
-    """
+    """With all its processes; what it has to put away is put away."""
     monkeypatch.setattr(command, "KINDS", {"hangs": _hangs_in_a_fault, "loses": _loses})
     told = tmp_path / "told"
 
@@ -222,9 +203,7 @@ def _dies(plan: Plan) -> Generator[Outcome, None, None]:
 def test_a_kind_that_breaks_is_told_and_the_others_go_on(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    By an error of its own, or its process's end.
-    """
+    """By an error of its own, or its process's end."""
     kinds = {"breaks": _breaks, "dies": _dies, "cannot": _cannot}
     monkeypatch.setattr(command, "KINDS", kinds)
 
@@ -245,9 +224,7 @@ def _leaves(plan: Plan) -> Generator[Outcome, None, None]:
 def test_a_kind_that_leaves_a_process_ends_all_the_same(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    One that holds what it had open.
-    """
+    """One that holds what it had open."""
     monkeypatch.setattr(command, "LINE_EVERY_S", 0.01)
     monkeypatch.setattr(command, "KINDS", {"leaves": _leaves})
 
@@ -268,9 +245,7 @@ def _swallows(plan: Plan) -> Generator[Outcome, None, None]:
 def test_a_kind_that_swallows_its_end_ends_behind_that_fault(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    It need not be killed: it leaves its loop.
-    """
+    """It need not be killed: it leaves its loop."""
     monkeypatch.setattr(command, "KINDS", {"swallows": _swallows})
     monkeypatch.setattr(command, "LINE_EVERY_S", 0.01)
     monkeypatch.setattr(apart, "GRACE_S", 1e9)

@@ -32,9 +32,7 @@ def _measured(work: Callable[[], object], room: Path, monkeypatch: pytest.Monkey
 def test_what_takes_as_much_as_its_twin_is_good(
     memory: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    It ends, and says what it says.
-    """
+    """It ends, and says what it says."""
     found = _measured(lambda: None, memory, monkeypatch)
 
     assert GOOD == found.answer
@@ -42,9 +40,7 @@ def test_what_takes_as_much_as_its_twin_is_good(
 
 
 def test_memory_above_the_twin_is_noticed(memory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Also what was freed again; and more than there may be is refused to who asks for it.
-    """
+    """Also what was freed again; and more than there may be is refused to who asks for it."""
     found = _measured(lambda: b"x" * (MORE_MIB + 30) * 2**20, memory, monkeypatch)
     refused = _measured(lambda: bytearray(2**32), memory, monkeypatch)
 
@@ -58,9 +54,7 @@ def _spin() -> None:
 
 
 def test_work_without_end_is_ended(memory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Work by its seconds of a processor; waiting, which takes none, by the clock.
-    """
+    """Work by its seconds of a processor; waiting, which takes none, by the clock."""
     monkeypatch.setattr(measuring, "LONGEST_S", 1)
     monkeypatch.setattr(measuring, "DEADLINE_S", 1)
     hung = _measured(lambda: time.sleep(1000), memory, monkeypatch)
@@ -72,9 +66,7 @@ def test_work_without_end_is_ended(memory: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_logs_and_questions_that_are_hostile(plan: Plan) -> None:
-    """
-    A costly log, a question with a bound that is far away, a log of a stranger.
-    """
+    """A costly log, a question with a bound that is far away, a log of a stranger."""
     bench = Bench(plan, plan.folder / "bench")
 
     outcomes = [bench.try_one(turn) for turn in (1, 3, 7, 12, 13)]
@@ -84,7 +76,5 @@ def test_logs_and_questions_that_are_hostile(plan: Plan) -> None:
 
 @pytest.mark.slow
 def test_no_small_input_takes_the_machine(tmp_path: Path) -> None:
-    """
-    Logs, questions, and logs of strangers, for every verb.
-    """
+    """Logs, questions, and logs of strangers, for every verb."""
     is_tried(faults("costs", 40, tmp_path), at_least=40)

@@ -26,9 +26,7 @@ def played(tmp_path: Path) -> Played:
 
 
 def test_a_whole_log_is_good(played: Played) -> None:
-    """
-    All wishes are there, and the log can be continued.
-    """
+    """All wishes are there, and the log can be continued."""
     told, log, said = played
 
     outcome = Examiner(told).examine("nothing", log, said, must=said.durable)
@@ -38,9 +36,7 @@ def test_a_whole_log_is_good(played: Played) -> None:
 
 
 def test_a_lost_commit_is_found(played: Played) -> None:
-    """
-    The last segment is gone, and what tells of it: as many commits are lost as it had.
-    """
+    """The last segment is gone, and what tells of it: as many commits are lost as it had."""
     told, log, said = played
     last = max(log.glob("*.mcap"))
     before = len(list(sl.read(log).commits()))
@@ -55,9 +51,7 @@ def test_a_lost_commit_is_found(played: Played) -> None:
 
 
 def test_an_invented_commit_is_found(played: Played) -> None:
-    """
-    One more than was ever asked for.
-    """
+    """One more than was ever asked for."""
     told, log, said = played
     with sl.append(log) as writer:
         writer.add_door(level=0)
@@ -68,9 +62,7 @@ def test_an_invented_commit_is_found(played: Played) -> None:
 
 
 def test_an_altered_event_is_found(played: Played) -> None:
-    """
-    The same number of events under the same command, but one says something else.
-    """
+    """The same number of events under the same command, but one says something else."""
     told, log, said = played
     other = story(4)
     mixed = Story(told.acts, (*told.wishes[:-5], *other.wishes[-5:]))
@@ -82,9 +74,7 @@ def test_an_altered_event_is_found(played: Played) -> None:
 
 
 def test_a_broken_export_is_found(played: Played) -> None:
-    """
-    An exported file that is empty after a crash was not written whole.
-    """
+    """An exported file that is empty after a crash was not written whole."""
     told, log, said = played
     (log.parent / "out" / "doors.yaml").write_bytes(b"")
 

@@ -29,18 +29,14 @@ def live(sample: Sample, tmp_path_factory: pytest.TempPathFactory) -> Subject:
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "count"), [("flips", 1000), ("cuts", 400)])
 def test_no_damage_gives_a_wrong_answer(kind: str, count: int, tmp_path: Path) -> None:
-    """
-    The right events, or those before a torn tail, or an error that names the file.
-    """
+    """The right events, or those before a torn tail, or an error that names the file."""
     said = faults(kind, count, tmp_path)
 
     is_tried(said, at_least=count)
 
 
 def test_a_flipped_bit_of_an_acknowledged_commit_is_named(live: Subject) -> None:
-    """
-    It lies before a whole commit, which proves that it was on the disk.
-    """
+    """It lies before a whole commit, which proves that it was on the disk."""
     with flipped(live.log / LAST, live.places[0][0] + 60, 3):
         verdict = live.judge.judge(live.log, LAST)
 
@@ -48,9 +44,7 @@ def test_a_flipped_bit_of_an_acknowledged_commit_is_named(live: Subject) -> None
 
 
 def test_a_flipped_bit_of_the_last_commit_is_a_torn_tail(live: Subject) -> None:
-    """
-    Nothing behind it tells whether it was ever whole.
-    """
+    """Nothing behind it tells whether it was ever whole."""
     with flipped(live.log / LAST, live.places[-1][0] + 60, 3):
         verdict = live.judge.judge(live.log, LAST, may_lose=1)
 
@@ -58,9 +52,7 @@ def test_a_flipped_bit_of_the_last_commit_is_a_torn_tail(live: Subject) -> None:
 
 
 def test_a_flipped_bit_of_a_schema_is_harmless_to_us(live: Subject) -> None:
-    """
-    The texts are for other tools; we know our types.
-    """
+    """The texts are for other tools; we know our types."""
     path = live.log / "log_000000.mcap"
     with flipped(path, sorted(text_bytes(path))[500], 3):
         verdict = live.judge.judge(live.log, path.name)
@@ -69,9 +61,7 @@ def test_a_flipped_bit_of_a_schema_is_harmless_to_us(live: Subject) -> None:
 
 
 def test_the_judge_sees_what_is_missing(live: Subject, tmp_path: Path) -> None:
-    """
-    A log that ends a commit earlier, where nothing may be missing, is a wrong answer; it counts.
-    """
+    """A log that ends a commit earlier, where nothing may be missing, is a wrong answer."""
     copy = tmp_path / "log"
     shutil.copytree(live.log, copy)
     whole = (copy / LAST).read_bytes()
@@ -95,9 +85,7 @@ def test_the_judge_sees_what_is_missing(live: Subject, tmp_path: Path) -> None:
 def test_the_judge_wants_errors_that_help(
     error: Exception, problem: str, live: Subject, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    An error that names another file is wrong, and so is one that is not ours.
-    """
+    """An error that names another file is wrong, and so is one that is not ours."""
     monkeypatch.setattr("semmap_log.read", _raising(error))
 
     with pytest.raises(WrongAnswerError, match=problem):
@@ -112,9 +100,7 @@ def _raising(error: Exception) -> Callable[[Path], None]:
 
 
 def test_the_judge_asks_of_every_moment(sample: Sample) -> None:
-    """
-    Of commits, events, the map, its history and its floor plan, and of moments before.
-    """
+    """Of commits, events, the map, its history and its floor plan, and of moments before."""
     judge = Judge(sample.live)
 
     asked = " ".join(judge.questions)

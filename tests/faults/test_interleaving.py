@@ -73,9 +73,7 @@ def _run(program: Program, chooser: Callable[[random.Random], Chooser], seed: in
 def test_a_lost_update_is_found_and_found_again(
     chooser: Callable[[random.Random], Chooser],
 ) -> None:
-    """
-    Within some orders, and by the same seed each time.
-    """
+    """Within some orders, and by the same seed each time."""
     losing = (s for s in range(300) if "count 6" not in _run(_counts_without_lock, chooser, s))
     found = list(islice(losing, 2))
 
@@ -86,9 +84,7 @@ def test_a_lost_update_is_found_and_found_again(
 
 
 def test_a_deadlock_is_told_with_the_stacks_of_all() -> None:
-    """
-    Two locks, taken crosswise: some orders end well, some do not.
-    """
+    """Two locks, taken crosswise: some orders end well, some do not."""
     ends = [_end_of(seed) for seed in range(60)]
     stuck = [end for end in ends if end]
 
@@ -107,9 +103,7 @@ def _end_of(seed: int) -> str:
 
 
 def test_a_wait_with_a_timeout_ends() -> None:
-    """
-    With what is waited for, or without.
-    """
+    """With what is waited for, or without."""
     ends = set()
 
     def program(threading: ModuleType, said: list[str]) -> None:

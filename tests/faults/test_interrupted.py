@@ -26,9 +26,7 @@ def _interrupt_behind(log: sl.DoorLogWriter, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_no_id_is_given_twice(memory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    The next door gets the id after that of the one whose adding was interrupted.
-    """
+    """The next door gets the id after that of the one whose adding was interrupted."""
     with sl.create(memory / "log", tz="UTC") as log:
         log.add_door(name="front")
         _interrupt_behind(log, monkeypatch)
@@ -44,9 +42,7 @@ def test_no_id_is_given_twice(memory: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.mark.parametrize("by", ["the next commit", "closing"])
 def test_no_pose_is_written_twice(by: str, memory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Neither one that joined a commit, nor one that waited for none; a later one is not forgotten.
-    """
+    """Neither one that joined a commit, nor one that waited for none."""
     log = sl.create(memory / "log", tz="UTC")
     log.robot_pose(RobotPose(x=1.0, y=0.0, theta=0.0))
     _interrupt_behind(log, monkeypatch)

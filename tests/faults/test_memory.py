@@ -10,11 +10,7 @@ from pathlib import Path
 
 import pytest
 from fault_injection.fault import Outcome
-from fault_injection.interrupts import (
-    exhaust_the_stack,
-    interrupt_anywhere,
-    spoil_the_events,
-)
+from fault_injection.interrupts import exhaust_the_stack, interrupt_anywhere, spoil_the_events
 from fault_injection.ledger import Ledger
 from fault_injection.signals import MOST_MEMORY, signalled, starved, stopped
 
@@ -27,9 +23,7 @@ def _bad(outcomes: list[Outcome]) -> list[Outcome]:
 
 @pytest.mark.slow
 def test_ctrl_c_at_any_step_leaves_nothing_by_half(memory: Path) -> None:
-    """
-    What was acknowledged is there, no id is given twice, and who goes on goes on rightly.
-    """
+    """What was acknowledged is there, no id is given twice, and who goes on goes on rightly."""
     outcomes = list(interrupt_anywhere(memory, 3, 100))
 
     assert [] == _bad(outcomes)
@@ -37,9 +31,7 @@ def test_ctrl_c_at_any_step_leaves_nothing_by_half(memory: Path) -> None:
 
 
 def test_no_stack_left(memory: Path) -> None:
-    """
-    A RecursionError in the middle of an append is an error like any other.
-    """
+    """A RecursionError in the middle of an append is an error like any other."""
     outcomes = list(exhaust_the_stack(memory, every=5))
 
     assert [] == _bad(outcomes)
@@ -47,9 +39,7 @@ def test_no_stack_left(memory: Path) -> None:
 
 @pytest.mark.slow
 def test_events_that_cannot_be_had(memory: Path) -> None:
-    """
-    Whatever an iterator of events raises, and after how many of them: none of them is stored.
-    """
+    """Whatever an iterator of events raises, and after how many of them: none of them is stored."""
     outcomes = list(spoil_the_events(memory))
 
     assert [] == _bad(outcomes)
@@ -57,9 +47,7 @@ def test_events_that_cannot_be_had(memory: Path) -> None:
 
 @pytest.mark.slow
 def test_signals_at_any_moment(memory: Path) -> None:
-    """
-    Ctrl-C, SIGTERM and SIGKILL to a process that appends: what it was told stays.
-    """
+    """Ctrl-C, SIGTERM and SIGKILL to a process that appends: what it was told stays."""
     dice = random.Random(5)
 
     outcomes = [signalled(memory / str(n), dice) for n in range(15)]
@@ -71,9 +59,7 @@ def test_signals_at_any_moment(memory: Path) -> None:
 
 
 def test_a_stopped_writer_keeps_its_place(memory: Path) -> None:
-    """
-    Readers read on, a second writer is refused, and afterwards it goes on where it stood.
-    """
+    """Readers read on, a second writer is refused, and afterwards it goes on where it stood."""
     outcome = stopped(memory / "log", 0.5)
 
     assert "" == outcome.problem
@@ -82,9 +68,7 @@ def test_a_stopped_writer_keeps_its_place(memory: Path) -> None:
 
 @pytest.mark.slow
 def test_memory_that_runs_out(memory: Path) -> None:
-    """
-    With none, some and almost enough: no commit by half, and small ones go on if they may.
-    """
+    """With none, some and almost enough: no commit by half, and small ones go on if they may."""
     outcomes = [
         starved(memory / str(n), MOST_MEMORY * n // 6) for n in range(6)
     ]  # fmt: skip
@@ -94,9 +78,7 @@ def test_memory_that_runs_out(memory: Path) -> None:
 
 
 def test_a_ledger_notices(memory: Path) -> None:
-    """
-    A door that was acknowledged and is not there is lost; one that nobody asked for, invented.
-    """
+    """A door that was acknowledged and is not there is lost."""
     path, ledger = memory / "log", Ledger()
     with sl.create(path, tz="UTC") as log:
         ledger.add_doors(log, 3)

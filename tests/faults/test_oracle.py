@@ -23,9 +23,7 @@ def oracle() -> Iterator[Oracle]:
 
 
 def test_it_shares_no_code_with_the_log(sample: Sample) -> None:
-    """
-    Nothing of ours, and no library that ours uses for its records, is imported.
-    """
+    """Nothing of ours, and no library that ours uses for its records, is imported."""
     code = """
 import runpy, sys
 program, log = sys.argv[1:]
@@ -50,9 +48,7 @@ print("foreign:", *sorted(foreign))
 
 @pytest.mark.slow
 def test_it_agrees_with_every_verb_on_whole_logs(tmp_path: Path, oracle: Oracle) -> None:
-    """
-    Closed, live, compacted, and the office recording; `Examined` compares and fails if not.
-    """
+    """Closed, live, compacted, and the office recording; `Examined` compares and fails if not."""
     for chain in make_chains(tmp_path / "chains"):
         examined = Examined(chain.log, tmp_path / chain.title, oracle)
 
@@ -64,9 +60,7 @@ def test_it_agrees_with_every_verb_on_whole_logs(tmp_path: Path, oracle: Oracle)
 def test_it_sees_every_flipped_byte_of_a_commit(
     sample: Sample, tmp_path: Path, oracle: Oracle
 ) -> None:
-    """
-    In a closed segment, and in a live one, where the last commit may be taken for torn.
-    """
+    """In a closed segment, and in a live one, where the last commit may be taken for torn."""
     dice = random.Random(3)
     for log, name in ((sample.closed, "log_000001.mcap"), (sample.live, "log_000002.mcap")):
         copy = tmp_path / name / log.name
@@ -85,9 +79,7 @@ def test_it_sees_every_flipped_byte_of_a_commit(
 
 @pytest.mark.slow
 def test_it_survives_any_head(sample: Sample, tmp_path: Path, oracle: Oracle) -> None:
-    """
-    A run of zeros anywhere before the first commit is told; the oracle goes on.
-    """
+    """A run of zeros anywhere before the first commit is told; the oracle goes on."""
     log = tmp_path / "log"
     shutil.copytree(sample.closed, log)
     whole = (log / "log_000000.mcap").read_bytes()
@@ -100,9 +92,7 @@ def test_it_survives_any_head(sample: Sample, tmp_path: Path, oracle: Oracle) ->
 
 
 def test_it_sees_a_missing_segment(sample: Sample, tmp_path: Path, oracle: Oracle) -> None:
-    """
-    By the numbers of the segments.
-    """
+    """By the numbers of the segments."""
     log = tmp_path / "log"
     shutil.copytree(sample.closed, log)
     (log / "log_000001.mcap").unlink()

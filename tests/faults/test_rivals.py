@@ -45,9 +45,7 @@ def _bad(outcomes: list[Outcome]) -> list[Outcome]:
 
 
 def test_the_loser_leaves_every_byte_and_time_alone(tmp_path: Path) -> None:
-    """
-    A second writer, in this process or another, does not so much as touch the lock file.
-    """
+    """A second writer, in this process or another, does not so much as touch the lock file."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log:
         log.add_door()
@@ -63,9 +61,7 @@ def test_the_loser_leaves_every_byte_and_time_alone(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_nothing_is_opened_for_writing_before_the_lock_is_held(tmp_path: Path) -> None:
-    """
-    In a recovery, where most is written, each change of a file comes after both locks.
-    """
+    """In a recovery, where most is written, each change of a file comes after both locks."""
     path = tmp_path / "log"
     _killed_writer(path)
     (path / ".log_000000.mcap.1.tmp").write_bytes(b"left behind")
@@ -98,9 +94,7 @@ print(*seen)
 
 
 def test_a_deleted_lock_file_lets_nobody_in(tmp_path: Path) -> None:
-    """
-    Somebody tidies up while the log is written: there is still one writer, then and afterwards.
-    """
+    """Somebody tidies up while the log is written."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log:
         (path / ".lock").unlink()
@@ -115,9 +109,7 @@ def test_a_deleted_lock_file_lets_nobody_in(tmp_path: Path) -> None:
 
 
 def test_a_lock_file_that_nobody_holds_is_no_obstacle(tmp_path: Path) -> None:
-    """
-    Whatever is written in it: also the number of a process that lives.
-    """
+    """Whatever is written in it: also the number of a process that lives."""
     path = tmp_path / "log"
     _killed_writer(path)
     for said in ("", "999999999\n", "1\n", "garbage \xff" * 9):
@@ -140,10 +132,7 @@ def _killed_writer(path: Path) -> None:
 
 @pytest.mark.slow
 def test_what_a_forked_child_does_releases_nothing(tmp_path: Path) -> None:
-    """
-    It cannot append or sync; it closes the log, collects garbage and ends: the lock stays held,
-    the segment live, and the parent goes on.
-    """
+    """It cannot append or sync; it closes the log, collects garbage and ends."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log:
         log.add_door()
@@ -180,9 +169,7 @@ def _try_everything(log: sl.DoorLogWriter) -> int:
 
 
 def test_the_lock_is_free_though_a_child_lives_on(tmp_path: Path) -> None:
-    """
-    A child that was forked while the log was open keeps nobody out once the log is closed.
-    """
+    """A child that was forked while the log was open keeps nobody out once the log is closed."""
     log = sl.create(tmp_path / "log", tz="UTC")
     child = os.fork()
     if child == 0:
@@ -200,9 +187,7 @@ def test_the_lock_is_free_though_a_child_lives_on(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("durability", ["event", "batch", "flush", "none"])
 def test_threads_share_a_log(durability: str, tmp_path: Path) -> None:
-    """
-    Each commit of each thread is stored once, under the number that its thread was told.
-    """
+    """Each commit of each thread is stored once, under the number that its thread was told."""
     threads, each = 6, 15
     told: dict[int, int] = {}
 
@@ -225,9 +210,7 @@ def test_threads_share_a_log(durability: str, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_processes_that_race_lose_and_invent_nothing(memory: Path) -> None:
-    """
-    Three processes open, append and close one log as fast as they can.
-    """
+    """Three processes open, append and close one log as fast as they can."""
     outcomes = list(race(memory / "race", races=6))
 
     assert 3 * 6 + 1 == len(outcomes)
@@ -236,9 +219,7 @@ def test_processes_that_race_lose_and_invent_nothing(memory: Path) -> None:
 
 @pytest.mark.slow
 def test_readers_see_prefixes_whatever_happens_to_the_log(memory: Path) -> None:
-    """
-    For a few seconds: writing, rolling, compacting, kills and recoveries; whole commits only.
-    """
+    """For a few seconds: writing, rolling, compacting, kills and recoveries; whole commits only."""
     for seconds in (3, 20, 80):  # on a busy machine not all readers get their turn in so few
         outcomes = list(read_during_everything(memory / f"busy-{seconds}", 7, seconds=seconds))
 

@@ -19,9 +19,7 @@ from semmap_log.errors import CorruptLogError, LogAccessError, NotALogError
 def test_a_missing_segment_is_named_by_its_number(
     name: str, sample: Sample, tmp_path: Path
 ) -> None:
-    """
-    Opening says which one, and where the gap shows.
-    """
+    """Opening says which one, and where the gap shows."""
     log = tmp_path / "log"
     shutil.copytree(sample.closed, log)
     (log / name).unlink()
@@ -33,9 +31,7 @@ def test_a_missing_segment_is_named_by_its_number(
 def test_a_middle_segment_that_ends_early_answers_no_question(
     sample: Sample, tmp_path: Path
 ) -> None:
-    """
-    Closed, whole by all its checksums, and of an earlier day: no question passes over the gap.
-    """
+    """Closed, whole by all its checksums, and of an earlier day."""
     early, log = tmp_path / "early" / "log", tmp_path / "log"
     early.mkdir(parents=True)
     shutil.copy2(sample.closed / "log_000000.mcap", early)
@@ -59,9 +55,7 @@ def test_a_middle_segment_that_ends_early_answers_no_question(
 def test_files_that_are_all_there_answer_as_before(
     damage: str, sample: Sample, tmp_path: Path
 ) -> None:
-    """
-    Whatever they are called, wherever they lie, and whatever lies beside them.
-    """
+    """Whatever they are called, wherever they lie, and whatever lies beside them."""
     log = Path(shutil.copytree(sample.closed, tmp_path / "log"))
     expected = repr(sl.read(log).replay()), [commit.hash for commit in sl.read(log).commits()]
     files = sorted(log.glob("*.mcap"))
@@ -89,9 +83,7 @@ def test_files_that_are_all_there_answer_as_before(
 def test_what_is_no_segment_is_refused_by_its_name(
     beside: str, sample: Sample, tmp_path: Path
 ) -> None:
-    """
-    Reading and appending; a second link to a segment is harmless, or an error.
-    """
+    """Reading and appending; a second link to a segment is harmless, or an error."""
     log = Path(shutil.copytree(sample.closed, tmp_path / "log"))
     expected = repr(sl.read(log).replay())
     BESIDE[beside](log)

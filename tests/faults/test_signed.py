@@ -21,9 +21,7 @@ def signed_sample(tmp_path_factory: pytest.TempPathFactory) -> SignedSample:
 
 
 def test_a_log_that_nobody_attacks_is_good(signed_sample: SignedSample) -> None:
-    """
-    At each stage of its trimming, with and without the keys.
-    """
+    """At each stage of its trimming, with and without the keys."""
     for log in (*signed_sample.stages, signed_sample.log):
         found = verify_signed(log, signed_sample.trusted)
         assert (0, found.statements) == (found.found.exit_code, found.good + found_gone(found))

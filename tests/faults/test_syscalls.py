@@ -20,29 +20,23 @@ from tests.faults.running import faults, is_tried
 
 @pytest.mark.slow
 def test_a_process_may_be_killed_at_any_call(tmp_path: Path) -> None:
-    """
-    Before each call on the folder, in half of a write, and again in the recovery.
-    """
-    said = faults("syscalls", 120, tmp_path)
+    """Before each call on the folder, in half of a write, and again in the recovery."""
+    said = faults("syscalls", 60, tmp_path)
 
-    is_tried(said, at_least=120)
+    is_tried(said, at_least=60)
 
 
 @pytest.mark.slow
 def test_any_call_may_fail(tmp_path: Path) -> None:
-    """
-    Once or for ever: the program is told, goes on, and what had failed is stored once or not.
-    """
-    said = faults("errors", 120, tmp_path)
+    """Once or for ever: the program is told, goes on, and what had failed is stored once or not."""
+    said = faults("errors", 60, tmp_path)
 
-    is_tried(said, at_least=120)
+    is_tried(said, at_least=60)
 
 
 @pytest.mark.slow
 def test_limits_of_the_machine_are_met_and_lifted(tmp_path: Path) -> None:
-    """
-    A full disk, a file too large, no more files; read-only and not ours: read, never written.
-    """
+    """A full disk, a file too large, no more files; read-only and not ours: read, never written."""
     said = faults("limits", 9, tmp_path)
 
     is_tried(said, at_least=9)
@@ -51,9 +45,7 @@ def test_limits_of_the_machine_are_met_and_lifted(tmp_path: Path) -> None:
 def test_a_log_that_could_not_be_opened_can_be_opened_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Whichever reading of a segment fails on the way: the lock is not kept.
-    """
+    """Whichever reading of a segment fails on the way: the lock is not kept."""
     path = tmp_path / "log"
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 1)
     with sl.create(path, tz="UTC", compact=False) as log:
@@ -83,9 +75,7 @@ def test_a_log_that_could_not_be_opened_can_be_opened_later(
 def test_a_close_that_fails_ends_the_background_thread(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The next writer must not meet it at work: both would write the same temporary file.
-    """
+    """The next writer must not meet it at work: both would write the same temporary file."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 30)
     monkeypatch.setattr(background, "PAUSE_S", 0.02)
     log = sl.create(tmp_path / "log", tz="UTC")

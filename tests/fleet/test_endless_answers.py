@@ -48,9 +48,7 @@ MOST_RESIDENT_BYTES = 2**31
 def test_a_manifest_that_says_100_gb_is_not_read(
     words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    By any verb that reads a store.
-    """
+    """By any verb that reads a store."""
     if "LOG" in words:
         a_log(tmp_path / "log", sessions=1)
     with endless_store(all_huge) as sent:
@@ -71,9 +69,7 @@ def test_a_manifest_that_says_100_gb_is_not_read(
 def test_no_more_of_an_object_is_read_than_was_asked_for(
     answer: Callable[[Answering], None], size: int
 ) -> None:
-    """
-    Whatever HEAD has said, and whatever a range is answered by.
-    """
+    """Whatever HEAD has said, and whatever a range is answered by."""
     with endless_store(answer) as sent:
         store = ObjectStore(UrlPath(f"{sent.url}/log"), patience_s=1.0)
         with pytest.raises(LogAccessError, match=r"/log/a\.mcap: "):
@@ -83,9 +79,7 @@ def test_no_more_of_an_object_is_read_than_was_asked_for(
 
 
 def test_what_is_said_to_be_one_long_piece_is_not_fetched() -> None:
-    """
-    Such as a chunk of a segment that has a terabyte, as a manifest says.
-    """
+    """Such as a chunk of a segment that has a terabyte, as a manifest says."""
     with endless_store(all_huge) as sent:
         status = ObjectStatus("a.mcap", 2**40, "")
         source = ObjectSource(ObjectStore(UrlPath(f"{sent.url}/log")), status)
@@ -112,9 +106,7 @@ for ask in (store.list, lambda: store.status("x"), lambda: store.whole("x", most
 
 
 def _asked(url: str, endpoint: str) -> tuple[list[str], int]:
-    """
-    What a process of its own says of a store, and the most memory that it held.
-    """
+    """What a process of its own says of a store, and the most memory that it held."""
     named = {"AWS_ENDPOINT_URL": endpoint, "AWS_ACCESS_KEY_ID": "a" * 8,
              "AWS_SECRET_ACCESS_KEY": "b" * 8, "AWS_REGION": "us-east-1"}  # fmt: skip
     command = [sys.executable, "-c", _ASK, url]
@@ -167,9 +159,7 @@ def test_a_manifest_that_no_reader_would_take_is_not_put(
 
 
 def test_a_log_that_has_no_room_on_the_disk_is_not_fetched(bucket: str, tmp_path: Path) -> None:
-    """
-    By what the manifest says: nothing of it comes first.
-    """
+    """By what the manifest says: nothing of it comes first."""
     ship(a_log(tmp_path / "log", sessions=1), UrlPath(bucket))
     store = ObjectStore(UrlPath(bucket))
     kept = read_manifest(store)

@@ -64,9 +64,7 @@ FAULTS: dict[str, Callable[[Answer], Answer]] = {
 
 @pytest.fixture
 def objects(bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """
-    The objects of a shipped log; read by many small requests, as a large one is.
-    """
+    """The objects of a shipped log; read by many small requests, as a large one is."""
     make_log(tmp_path / "log", 1, hours=26)
     ship(tmp_path / "log", UrlPath(bucket))
     folder = objects_below(bucket, tmp_path / "objects")
@@ -80,9 +78,7 @@ def _asked(
     words: str, objects: Path, lie: Lie, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> tuple[int, str, str]:  # fmt: skip
-    """
-    Exit code, what was answered (the bytes of a file, where it is one), and what was said.
-    """
+    """Exit code, what was answered (the bytes of a file, where it is one), and what was said."""
     out = objects.parent / "out"
     given = [str(out.with_suffix(Path(w).suffix)) if w.startswith("OUT") else w
              for w in VERBS[words]]  # fmt: skip
@@ -142,9 +138,7 @@ def _attacked(
 def test_bytes_that_are_altered_and_objects_that_go(
     objects: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    At each request of a moment's map.
-    """
+    """At each request of a moment's map."""
     _attacked("replay then", objects, capsys, monkeypatch, most=100, faults=["altered", "404"])
 
 

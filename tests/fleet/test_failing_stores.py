@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -20,9 +21,7 @@ from tests.fleet.test_shipping import a_log, events_of
 
 @pytest.fixture
 def shipped(bucket: str, tmp_path: Path) -> tuple[Path, Path]:
-    """
-    A log, and the objects of it as they lie in a store.
-    """
+    """A log, and the objects of it as they lie in a store."""
     log = a_log(tmp_path / "log")
     ship(log, UrlPath(bucket))
     return log, objects_below(bucket, tmp_path / "objects")
@@ -44,26 +43,25 @@ def test_an_honest_one_answers(shipped: tuple[Path, Path], monkeypatch: pytest.M
     assert events_of(log) == asked(objects, monkeypatch, honest)
 
 
-@pytest.mark.parametrize("status", [429, 500, 503])
+def _failed(status: int) -> Callable[[Answer], Answer]:
+    return lambda _: (status, b"", 0)
+
+
+def _half(answer: Answer) -> Answer:
+    status, body, said = answer
+    return status, body[: len(body) // 2], said
+
+
+@pytest.mark.parametrize("harmed", [_failed(429), _failed(500), _failed(503), _half])
 def test_one_that_fails_now_and_then_is_asked_again(
-    shipped: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, status: int
+    shipped: tuple[Path, Path],
+    monkeypatch: pytest.MonkeyPatch,
+    harmed: Callable[[Answer], Answer],
 ) -> None:
     log, objects = shipped
 
     def every_other(number: int, answer: Answer) -> Answer:
-        return answer if number % 2 else (status, b"", 0)
-
-    assert events_of(log) == asked(objects, monkeypatch, every_other)
-
-
-def test_one_that_cuts_its_answers_now_and_then_is_asked_again(
-    shipped: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    log, objects = shipped
-
-    def every_other(number: int, answer: Answer) -> Answer:
-        status, body, said = answer
-        return answer if number % 2 else (status, body[: len(body) // 2], said)
+        return answer if number % 2 else harmed(answer)
 
     assert events_of(log) == asked(objects, monkeypatch, every_other)
 
@@ -103,9 +101,7 @@ def _another_range(number: int, answer: Answer) -> Answer:
 def test_one_that_always_lies_gives_no_answer(
     shipped: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, lie: Lie
 ) -> None:
-    """
-    Also where the manifest is right, and only what it names is not.
-    """
+    """Also where the manifest is right, and only what it names is not."""
     _, objects = shipped
 
     with pytest.raises(LogError):

@@ -49,9 +49,7 @@ class WatchedStore(ObjectStore):
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    """
-    A small log, whose closed segment the next writer continues in a copy.
-    """
+    """A small log, whose closed segment the next writer continues in a copy."""
     with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
         log.add_door(name="front")
     return tmp_path / "log"
@@ -88,9 +86,7 @@ def manifest(url: str) -> bytes:
 
 
 def test_a_continued_segment_goes_on_at_the_right_event(bucket: str, log: Path) -> None:
-    """
-    The same number, longer, under another name: twice, and then one more behind it.
-    """
+    """The same number, longer, under another name: twice, and then one more behind it."""
     ship(log, UrlPath(bucket))
     commits = opened(ObjectStore(UrlPath(bucket))).follow(-1, poll_s=0.01)
     assert numbers(commits, 2) == [0, 1]
@@ -161,9 +157,7 @@ def test_looked_at_more_often_it_is_asked_once_a_second(bucket: str, log: Path) 
 
 
 def test_a_log_that_was_rolled_back_is_an_error(bucket: str, log: Path) -> None:
-    """
-    Nothing is told twice, and nothing of the older state is taken for the log's end.
-    """
+    """Nothing is told twice, and nothing of the older state is taken for the log's end."""
     ship(log, UrlPath(bucket))
     before = manifest(bucket)
     observe(log, 3)
@@ -214,9 +208,7 @@ def test_another_log_in_its_place_is_an_error(bucket: str, log: Path) -> None:
 
 
 def test_a_log_without_its_manifest_is_an_error(bucket: str, log: Path) -> None:
-    """
-    The objects of older states lie there, too: nobody may guess which of them are the log.
-    """
+    """The objects of older states lie there, too: nobody may guess which of them are the log."""
     ship(log, UrlPath(bucket))
     observe(log, 3)
     ship(log, UrlPath(bucket))
@@ -233,9 +225,7 @@ def test_a_log_without_its_manifest_is_an_error(bucket: str, log: Path) -> None:
 def test_a_head_kept_elsewhere_shows_that_a_log_was_rolled_back(
     bucket: str, log: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    The older state is whole by itself: without the head nobody could tell.
-    """
+    """The older state is whole by itself: without the head nobody could tell."""
     ship(log, UrlPath(bucket))
     before = manifest(bucket)
     observe(log, 3)

@@ -31,17 +31,16 @@ from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
-from tests.fleet.test_shipping import RECORDINGS, events_of, run
+from tests.fleet.test_shipping import RECORDINGS, events_of
 from tests.marks import remove_marks
+from tests.verbs import ran
 
 ID = bytes(range(16))
 
 
 @pytest.fixture
 def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """
-    Six segments; in the first a command, a round, and an event that the third takes back.
-    """
+    """Six segments; in the first a command, a round, and an event that the third takes back."""
     monkeypatch.setattr(segment_chain, "CONTINUE_BELOW_BYTES", 1)
     path = tmp_path / "log"
     with sl.create(path, tz="UTC", compact=False) as log:
@@ -116,7 +115,7 @@ OF_THE_PRESENT = (("replay",), ("replay", "--at", "event:240"), ("show", "240"))
 def asked(
     capsys: pytest.CaptureFixture[str], log: Path, words: tuple[str, ...], *more: str
 ) -> tuple[int, str, str]:
-    return run(capsys, words[0], str(log), *words[1:], *more)
+    return ran(capsys, words[0], str(log), *words[1:], *more)
 
 
 def test_each_question_is_answered_as_before_or_says_where_the_rest_lies(
@@ -143,7 +142,7 @@ def test_each_question_is_answered_as_before_or_says_where_the_rest_lies(
 def test_the_present_is_what_a_plain_fold_of_an_export_says(
     log: Path, url: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run(capsys, "export", str(log), str(tmp_path / "all.jsonl"))
+    ran(capsys, "export", str(log), str(tmp_path / "all.jsonl"))
     wanted = folded((tmp_path / "all.jsonl").read_text())
     removed(log, url)
 
@@ -152,9 +151,9 @@ def test_the_present_is_what_a_plain_fold_of_an_export_says(
     assert {n: (d.state.name, d.width) for n, d in doors.items()} == {
         n: (d["state"], d["width"]) for n, d in wanted.items()
     }
-    run(capsys, "export", str(log), str(tmp_path / "with.jsonl"), "--with", url)
+    ran(capsys, "export", str(log), str(tmp_path / "with.jsonl"), "--with", url)
     assert (tmp_path / "all.jsonl").read_bytes() == (tmp_path / "with.jsonl").read_bytes()
-    code, _, said = run(capsys, "export", str(log), str(tmp_path / "without.jsonl"))
+    code, _, said = ran(capsys, "export", str(log), str(tmp_path / "without.jsonl"))
     assert (1, True, False) == (
         code, f"--with {url}" in said, (tmp_path / "without.jsonl").exists()
     )  # fmt: skip
@@ -200,9 +199,7 @@ def test_a_command_that_may_lie_there_is_not_done_twice(log: Path, url: str) -> 
 def test_what_lies_in_the_removed_part_is_taken_back_by_number_or_refused(
     log: Path, url: str
 ) -> None:
-    """
-    What was taken back before stays so, and who takes back more is told where it lies.
-    """
+    """What was taken back before stays so, and who takes back more is told where it lies."""
     removed(log, url)
     with sl.append(log) as writer:
         try:
@@ -393,9 +390,7 @@ def test_a_segment_of_another_copy_is_not_taken_for_the_rest(
 
 
 def test_a_reader_that_is_open_meanwhile_reads_on(log: Path, url: str) -> None:
-    """
-    By the files that it has mapped; and what is written later, once it looks again.
-    """
+    """By the files that it has mapped; and what is written later, once it looks again."""
     opened = LogReader(LogFolder(log))
     last = opened.last_event()
     removed(log, url)
@@ -474,7 +469,7 @@ def test_a_removed_part_elsewhere_a_recovery_and_a_damaged_list_are_named(
     log: Path, url: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     removed(log, url)
-    code, _, said = run(capsys, "recover", str(log))
+    code, _, said = ran(capsys, "recover", str(log))
     assert (1, True) == (code, f"lie at {url} only" in said)
     (log / "shipped.json").write_bytes((log / "shipped.json").read_bytes().replace(b"1", b"2", 1))
     with pytest.raises(CorruptLogError, match=r"shipped\.json"):
@@ -483,12 +478,12 @@ def test_a_removed_part_elsewhere_a_recovery_and_a_damaged_list_are_named(
 
 def test_the_verb_keeps_days(log: Path, url: str, capsys: pytest.CaptureFixture[str]) -> None:
     before = segments_in(log)
-    code, out, _ = run(capsys, "ship", str(log), url, "--keep-days", "1")
+    code, out, _ = ran(capsys, "ship", str(log), url, "--keep-days", "1")
     assert (0, before, False) == (code, segments_in(log), "removed" in out)
 
-    code, out, _ = run(capsys, "ship", str(log), url, "--keep-days", "0")
+    code, out, _ = ran(capsys, "ship", str(log), url, "--keep-days", "0")
     assert (0, True) == (code, f"ask with --with {url}" in out)
     assert segments_in(log) == before[-1:]
-    code, out, _ = run(capsys, "ship", str(log), url, "--check")
+    code, out, _ = ran(capsys, "ship", str(log), url, "--check")
     assert code == 0
-    assert run(capsys, "replay", str(log), "--with", "here")[0] == 2
+    assert ran(capsys, "replay", str(log), "--with", "here")[0] == 2

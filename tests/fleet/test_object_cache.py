@@ -35,9 +35,7 @@ def cache(tmp_path: Path) -> ObjectCache:
 
 
 def fetched(url: str, cache: ObjectCache) -> tuple[int, list[str]]:
-    """
-    Return how many ranges are fetched to read all of a log, and its events.
-    """
+    """Return how many ranges are fetched to read all of a log, and its events."""
     _kept.clear()
     store = WatchedStore(UrlPath(url))
     log = sl.DoorLog(LogReader(ObjectSegments(store, cache=cache)))
@@ -50,9 +48,7 @@ def files(cache: ObjectCache) -> list[Path]:
 
 
 def test_asked_again_nothing_is_fetched(bucket: str, tmp_path: Path, cache: ObjectCache) -> None:
-    """
-    Large segments (by blocks) and small ones (whole) alike.
-    """
+    """Large segments (by blocks) and small ones (whole) alike."""
     log = a_log(tmp_path / "log")
     ship(log, UrlPath(bucket))
 
@@ -98,9 +94,7 @@ def test_a_damaged_block_is_fetched_again(
 
 
 def test_what_a_store_lies_of_a_small_segment_is_not_kept(bucket: str, cache: ObjectCache) -> None:
-    """
-    So that once the store is well again, so is the answer.
-    """
+    """So that once the store is well again, so is the answer."""
     ship(RECORDINGS / "office", UrlPath(bucket))
     store = ObjectStore(UrlPath(bucket))
     (segment,) = [one.name for one in store.list() if one.name.endswith(".mcap")]
@@ -149,10 +143,7 @@ def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
 
 
 def test_eight_at_once(tmp_path: Path) -> None:
-    """
-    Threads with a cache of their own each, as processes have: too small for all, so that each
-    removes what the others put there.
-    """
+    """Threads with a cache of their own each, as processes have."""
 
     def used(number: int) -> None:
         cache = ObjectCache(tmp_path / "cache", most_bytes=200_000)

@@ -22,7 +22,8 @@ from semmap_log.store.form import MANIFEST_NAME
 from semmap_log.store.manifest import KeptManifest, read_manifest
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.removed_source import ObjectSegments
-from tests.fleet.test_shipping import CountedStore, a_log, events_of, run
+from tests.fleet.test_shipping import CountedStore, a_log, events_of
+from tests.verbs import ran
 
 DAY_NS = 86_400 * 10**9
 
@@ -54,9 +55,7 @@ def pages_of(reader: LogReader) -> list[bytes]:
 
 @pytest.fixture
 def both(bucket: str, tmp_path: Path) -> tuple[Path, Path]:
-    """
-    Two copies of a log, one of them compacted; both were shipped, the compacted one last.
-    """
+    """Two copies of a log, one of them compacted; both were shipped, the compacted one last."""
     log = a_log(tmp_path / "log", 3)
     other = shutil.copytree(log, tmp_path / "other")
     ship(log, UrlPath(bucket))
@@ -68,9 +67,7 @@ def both(bucket: str, tmp_path: Path) -> tuple[Path, Path]:
 def test_what_was_replaced_is_removed_and_nothing_else(
     bucket: str, both: tuple[Path, Path]
 ) -> None:
-    """
-    An object that was put, and that no manifest has named yet, is somebody's upload.
-    """
+    """An object that was put, and that no manifest has named yet, is somebody's upload."""
     store = ObjectStore(UrlPath(bucket))
     superseded = segments_at(bucket) - named_at(bucket)
     uploaded = "000009-0123456789abcdef.mcap"
@@ -91,9 +88,7 @@ def test_what_was_replaced_is_removed_and_nothing_else(
 def test_it_counts_from_the_manifest_that_dropped_it_by_the_stores_clock(
     bucket: str, both: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A robot's clock that is years ahead removes nothing early.
-    """
+    """A robot's clock that is years ahead removes nothing early."""
     before = kept_at(bucket)
     assert {one.since_ns for one in before.manifest.superseded} == {None}
     again = kept_at(bucket)
@@ -124,9 +119,7 @@ def test_younger_ones_stay(bucket: str, both: tuple[Path, Path]) -> None:
 
 
 def test_a_name_that_is_no_segments_is_never_removed(bucket: str, both: tuple[Path, Path]) -> None:
-    """
-    Whatever a manifest lists: what it names itself, and what a shipping never called so.
-    """
+    """Whatever a manifest lists: what it names itself, and what a shipping never called so."""
     kept = kept_at(bucket)
     store = ObjectStore(UrlPath(bucket))
     store.create("notes.mcap", b"mine")
@@ -190,9 +183,7 @@ class WithRivalStore(ObjectStore):
 def test_a_rival_that_still_has_the_old_segments_ships_in_the_middle(
     bucket: str, both: tuple[Path, Path], when: str
 ) -> None:
-    """
-    Before the new generation, or before the first object goes: what its manifest names is there.
-    """
+    """Before the new generation, or before the first object goes."""
     rival = {when: lambda: void(ship(both[1], UrlPath(bucket)))}
 
     removed_at(WithRivalStore(UrlPath(bucket), rival))
@@ -205,9 +196,7 @@ def test_a_rival_that_still_has_the_old_segments_ships_in_the_middle(
 def test_a_rival_that_has_found_the_old_segments_there_sends_them_again(
     bucket: str, both: tuple[Path, Path]
 ) -> None:
-    """
-    They were removed between its look, and its manifest: that is refused, and it looks anew.
-    """
+    """They were removed between its look, and its manifest: that is refused, and it looks anew."""
     rival = {"replace": lambda: void(removed_at(bucket))}
 
     done = ship(both[1], WithRivalStore(UrlPath(bucket), rival))
@@ -220,9 +209,7 @@ def test_a_rival_that_has_found_the_old_segments_there_sends_them_again(
 def test_a_list_of_superseded_objects_is_bounded(
     bucket: str, both: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Those that were superseded last are kept.
-    """
+    """Those that were superseded last are kept."""
     monkeypatch.setattr(shipping, "MOST_SUPERSEDED", 2)
     ship(both[1], UrlPath(bucket))
     dropped = [one.name for one in kept_at(bucket).manifest.segments]
@@ -281,11 +268,11 @@ def test_the_verb_removes(
     there = len(segments_at(bucket) - named_at(bucket))
     words = ("ship", str(both[0]), bucket, "--remove-superseded-after")
 
-    code, out, _ = run(capsys, *words, "7")
+    code, out, _ = ran(capsys, *words, "7")
     assert (0, False) == (code, "removed" in out)
-    code, out, _ = run(capsys, *words, "0")
+    code, out, _ = ran(capsys, *words, "0")
     assert (0, True) == (code, f"{there} superseded objects removed there" in out)
-    assert run(capsys, *words, "nan")[0] == run(capsys, *words, "-1")[0] == 2
+    assert ran(capsys, *words, "nan")[0] == ran(capsys, *words, "-1")[0] == 2
 
 
 def void(_: object) -> None:

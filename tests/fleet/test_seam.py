@@ -15,7 +15,6 @@ from typing import Any
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import CorruptLogError, LogError
@@ -25,17 +24,11 @@ from semmap_log.log.replay.care import verify
 from semmap_log.store.form import DIGEST_KEY
 from tests.bucket import NAME
 from tests.fleet.test_shipping import RECORDINGS, events_of
+from tests.verbs import run
 from tests.web_server import web_server
 
 OFFICE = RECORDINGS / "office"
 WEEK = RECORDINGS / "clinic_week"
-
-
-def exit_of(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main(list(arguments))
-    assert isinstance(ended.value.code, int)
-    return ended.value.code
 
 
 def _in_a_fork(url: str, said: Any) -> None:
@@ -48,9 +41,7 @@ def _in_a_fork(url: str, said: Any) -> None:
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 @pytest.mark.parametrize("is_open", [False, True])
 def test_a_forked_process_is_told(bucket: str, *, is_open: bool) -> None:
-    """
-    Threads that ask a store do not come along by a fork: so the child is told, and does not wait.
-    """
+    """Threads that ask a store do not come along by a fork."""
     ship(OFFICE, UrlPath(bucket))
     doors = len(sl.read(bucket).replay().doors) if is_open else 3
     answers = {}
@@ -81,34 +72,30 @@ def _downloaded(bucket: str, folder: Path) -> Path:
 def test_a_shipped_log_at_a_plain_web_server(
     bucket: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    A server that lists nothing: the manifest tells what there is, for answers and for verify.
-    """
+    """A server that lists nothing: the manifest tells what there is, for answers and for verify."""
     ship(WEEK, UrlPath(bucket))
     copy = _downloaded(bucket, tmp_path / "copy")
     asked: Counter[str] = Counter()
 
     with web_server(copy, asked) as url:
         assert repr(sl.read(WEEK).replay()) == repr(sl.read(url).replay())
-        assert 0 == exit_of("verify", url)
+        assert 0 == run("verify", url)
         fetch(UrlPath(url), tmp_path / "back")
         name = sorted(path.name for path in copy.glob("*.mcap"))[3]
         data = bytearray((copy / name).read_bytes())
         data[-1000] ^= 1
         (copy / name).write_bytes(data)
-        assert 4 == exit_of("verify", url)
+        assert 4 == run("verify", url)
         (copy / name).unlink()
         capsys.readouterr()
-        assert 4 == exit_of("verify", url)
+        assert 4 == run("verify", url)
 
     assert name in capsys.readouterr().out
     assert events_of(WEEK) == events_of(tmp_path / "back")
 
 
 def test_a_server_that_lists_nothing_is_asked_once(tmp_path: Path) -> None:
-    """
-    Each refusal takes a while: it is remembered.
-    """
+    """Each refusal takes a while: it is remembered."""
     asked: Counter[str] = Counter()
     with web_server(OFFICE, asked) as url:
         for _ in range(3):
@@ -131,9 +118,7 @@ FIELDS: dict[str, Callable[[dict[str, Any]], object]] = {
 
 
 def _rewritten(bucket: str, change: Callable[[dict[str, Any]], None]) -> None:
-    """
-    Put a manifest in the place of the one that lies there, as a liar with all rights would.
-    """
+    """Put a manifest in the place of the one that lies there, as a liar with all rights would."""
     store = ObjectStore(UrlPath(bucket))
     got = store.whole("manifest.json", most_bytes=2**24)
     assert got is not None
@@ -149,9 +134,7 @@ def _rewritten(bucket: str, change: Callable[[dict[str, Any]], None]) -> None:
 def test_verify_compares_all_that_a_manifest_tells(
     bucket: str, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Of the last segment, whose hash no other one holds.
-    """
+    """Of the last segment, whose hash no other one holds."""
     ship(WEEK, UrlPath(bucket))
     assert 0 == verify(UrlPath(bucket)).exit_code
 
@@ -161,7 +144,7 @@ def test_verify_compares_all_that_a_manifest_tells(
 
     _rewritten(bucket, change)
 
-    assert 4 == exit_of("verify", bucket), name
+    assert 4 == run("verify", bucket), name
     assert "manifest" in capsys.readouterr().out
 
 
@@ -192,16 +175,14 @@ IMPOSSIBLE: dict[str, Callable[[dict[str, Any]], object]] = {
 def test_a_manifest_that_cannot_be_is_damage(
     bucket: str, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Each verb names it; none answers.
-    """
+    """Each verb names it; none answers."""
     ship(WEEK, UrlPath(bucket))
     _rewritten(bucket, lambda entries: (IMPOSSIBLE[name](entries), None)[1])
 
     with pytest.raises(CorruptLogError, match="manifest"):
         sl.read(bucket)
     for verb in ("replay", "info", "verify", "history"):
-        assert exit_of(verb, bucket), verb
+        assert run(verb, bucket), verb
         assert "manifest" in "".join(capsys.readouterr()), verb
 
 
@@ -217,9 +198,7 @@ def test_a_manifest_that_is_nested_without_end_is_damage(bucket: str) -> None:
 
 
 def test_bytes_that_lie_there_are_compared(bucket: str, tmp_path: Path) -> None:
-    """
-    An object of a segment's name and size with other bytes: no manifest ever names it.
-    """
+    """An object of a segment's name and size with other bytes: no manifest ever names it."""
     done = ship(OFFICE, UrlPath(bucket))
     (name,) = (one.name for one in done.manifest.segments)
     store = ObjectStore(UrlPath(bucket))
@@ -242,9 +221,7 @@ class HalfForgetfulStore(ObjectStore):
 
 
 def test_a_store_that_ignores_if_match_is_refused(bucket: str) -> None:
-    """
-    The manifest of another robot would be written over there.
-    """
+    """The manifest of another robot would be written over there."""
     with pytest.raises(LogError, match="ignores the condition `If-Match`"):
         ship(OFFICE, HalfForgetfulStore(UrlPath(bucket)))
     check_conditions(ObjectStore(UrlPath(bucket)))
@@ -259,7 +236,7 @@ def test_a_bucket_that_is_not_there_is_named(
     assert f"/{NAME}/" in bucket
     url = bucket.replace(f"/{NAME}/", "/nobodys-bucket/")
 
-    assert 1 == exit_of(*verb, url)
+    assert 1 == run(*verb, url)
 
     assert "the bucket does not exist" in capsys.readouterr().err
 
@@ -270,9 +247,7 @@ def test_no_key_and_no_password_is_in_a_message(
     bucket: str, verb: list[str], monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str], *, is_there: bool,
 ) -> None:  # fmt: skip
-    """
-    Also where the endpoint has them, and where the store says them again.
-    """
+    """Also where the endpoint has them, and where the store says them again."""
     port = os.environ["AWS_ENDPOINT_URL"].rsplit(":", 1)[-1] if is_there else "9"
     bucket = bucket.replace(f"/{NAME}/", "/nobodys-bucket/")
     monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://anna:pa55word@127.0.0.1:{port}")
@@ -280,7 +255,7 @@ def test_no_key_and_no_password_is_in_a_message(
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "SENTINELSECRET")
     monkeypatch.setenv("AWS_SESSION_TOKEN", "SENTINELTOKEN")
 
-    code = exit_of(*verb, bucket)
+    code = run(*verb, bucket)
 
     said = "".join(capsys.readouterr())
     assert code
@@ -291,15 +266,13 @@ def test_no_key_and_no_password_is_in_a_message(
 def test_what_verify_says_to_do_about_damage_mends_it(
     bucket: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Remove what it names, and the manifest; ship again: only what was removed is sent.
-    """
+    """Remove what it names, and the manifest; ship again: only what was removed is sent."""
     done = ship(WEEK, UrlPath(bucket))
     store = ObjectStore(UrlPath(bucket))
     name = done.manifest.segments[2].name
     store.remove(name)
     store.create(name, bytes(done.manifest.segments[2].size))
-    assert 4 == exit_of("verify", bucket)
+    assert 4 == run("verify", bucket)
     said = capsys.readouterr().out
     assert name in said
     assert "manifest.json there" in said

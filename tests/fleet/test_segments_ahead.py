@@ -50,9 +50,7 @@ class SlowStore:
 
 @pytest.fixture
 def days(bucket: str, tmp_path: Path) -> tuple[Path, str]:
-    """
-    A log of a small segment a day, on a disk and in a store.
-    """
+    """A log of a small segment a day, on a disk and in a store."""
     log = tmp_path / "days"
     sl.create(log, tz="UTC", compact=False).close()
     for number in range(DAYS):
@@ -68,10 +66,7 @@ def days(bucket: str, tmp_path: Path) -> tuple[Path, str]:
 def test_a_whole_log_comes_in_a_few_round_trips(
     days: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Several segments are on their way at once, all behind the first are asked for once, and the
-    answer is the log's.
-    """
+    """Several segments are on their way at once, all behind the first are asked for once."""
     log, url = days
     expected = events_of(log)
     store = SlowStore(monkeypatch)
@@ -87,9 +82,7 @@ def test_a_whole_log_comes_in_a_few_round_trips(
 def test_a_question_that_ends_early_asks_for_little(
     days: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Who takes the first events and leaves has not paid for the log.
-    """
+    """Who takes the first events and leaves has not paid for the log."""
     _, url = days
     store = SlowStore(monkeypatch)
 
@@ -102,9 +95,7 @@ def test_a_question_that_ends_early_asks_for_little(
 def test_what_a_window_does_not_reach_is_not_asked_for(
     days: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Ahead is asked only for what the manifest says may be read.
-    """
+    """Ahead is asked only for what the manifest says may be read."""
     _, url = days
     store = SlowStore(monkeypatch)
     window = Window(first_event=301 * 4, before_event=301 * 6)
@@ -118,9 +109,7 @@ def test_what_a_window_does_not_reach_is_not_asked_for(
 def test_an_object_that_goes_meanwhile_is_named(
     days: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    What was asked for ahead and failed is an error where it is read, not before, not never.
-    """
+    """What was asked for ahead and failed is an error where it is read, not before, not never."""
     _, url = days
     log = sl.read(url)
     names = sorted(status.name for status in ObjectStore(UrlPath(url)).list())

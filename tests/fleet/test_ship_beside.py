@@ -93,9 +93,7 @@ def test_segments_are_sent_as_they_close_and_the_last_at_the_end(bucket: str, of
 
 
 def test_a_segment_is_sent_once_it_has_settled(bucket: str, office: Path) -> None:
-    """
-    What the writer before has left is sent at once; the next waits, to be compacted first.
-    """
+    """What the writer before has left is sent at once; the next waits, to be compacted first."""
     with ShipBeside(office, bucket, pauses=ShippingPauses(look_s=0.02, settle_s=3600.0)) as beside:
         until(lambda: beside.status.is_all_sent)
         first = beside.status.sent

@@ -15,7 +15,8 @@ from semmap_log.errors import LogAccessError, LogError
 from semmap_log.fleet.keeping import ObjectCount, check_shipping
 from semmap_log.fleet.shipping import ship
 from semmap_log.store.compaction import compact
-from tests.fleet.test_shipping import CountedStore, ForgetfulStore, a_log, events_of, run
+from tests.fleet.test_shipping import CountedStore, ForgetfulStore, a_log, events_of
+from tests.verbs import ran
 
 
 def names_at(url: str) -> dict[str, str]:
@@ -23,9 +24,7 @@ def names_at(url: str) -> dict[str, str]:
 
 
 def test_what_is_told_is_what_is_sent(bucket: str, tmp_path: Path) -> None:
-    """
-    Of a log that was never shipped, of one that went on, and of one that was compacted.
-    """
+    """Of a log that was never shipped, of one that went on, and of one that was compacted."""
     log = a_log(tmp_path / "log", 2)
     for change in (lambda: None, lambda: a_session(log), lambda: compact(log)):
         change()
@@ -83,7 +82,7 @@ def test_an_object_that_is_gone_or_cut_is_damage(
     if is_cut:
         store.create(name, b"x")
 
-    code, out, _ = run(capsys, "ship", str(log), bucket, "--check")
+    code, out, _ = ran(capsys, "ship", str(log), bucket, "--check")
 
     assert (4, True) == (code, f"damage: {bucket}/{name}: " in out)
 
@@ -121,9 +120,7 @@ def test_who_may_not_list_is_told_the_rest(bucket: str, tmp_path: Path) -> None:
 def test_a_small_segment_that_is_written_on_is_neither_to_be_sent_nor_an_older_copy(
     bucket: str, tmp_path: Path
 ) -> None:
-    """
-    What was shipped of it is in the live one, which waits; what lies there stays as it is.
-    """
+    """What was shipped of it is in the live one, which waits; what lies there stays as it is."""
     log = a_log(tmp_path / "log", 1)
     a_session(log)
     version = ship(log, UrlPath(bucket)).manifest.version
@@ -155,11 +152,11 @@ def test_so_it_is_where_it_is_the_only_one(bucket: str, tmp_path: Path) -> None:
 def test_the_verb(bucket: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = a_log(tmp_path / "log", 1)
 
-    code, out, _ = run(capsys, "ship", str(log), bucket, "--check")
+    code, out, _ = ran(capsys, "ship", str(log), bucket, "--check")
     assert (1, True, True) == (code, "to send" in out, "No log lies there yet." in out)
     assert "honours conditional writes" in out
-    run(capsys, "ship", str(log), bucket)
-    code, out, _ = run(capsys, "ship", str(log), bucket, "--check", "--json")
+    ran(capsys, "ship", str(log), bucket)
+    code, out, _ = ran(capsys, "ship", str(log), bucket, "--check", "--json")
     said = json.loads(out)
     assert (0, 0, 0, 1) == (code, said["exit_code"], said["to_send"], said["version"])
     assert (None, 0, []) == (said["honours_conditions"], said["superseded"], said["problems"])

@@ -21,9 +21,7 @@ from tests.log.signing.signed_logs import a_key, believed, is_good
 
 
 def test_a_shipped_log_is_checked_where_it_lies(bucket: str, tmp_path: Path) -> None:
-    """
-    At its URL, and fetched, with the signatures that were kept beside the log.
-    """
+    """At its URL, and fetched, with the signatures that were kept beside the log."""
     log, key = a_log(tmp_path / "log", 2), a_key(tmp_path)
     sign(log, key)
     ship(log, UrlPath(bucket))
@@ -40,9 +38,7 @@ def test_a_shipped_log_is_checked_where_it_lies(bucket: str, tmp_path: Path) -> 
 def test_a_part_that_was_removed_here_is_vouched_for_by_what_follows(
     bucket: str, tmp_path: Path
 ) -> None:
-    """
-    What was read is compared; what lies in the store only is named, and signed no second time.
-    """
+    """What was read is compared; what lies in the store only is named."""
     log, key = a_log(tmp_path / "log", 4), a_key(tmp_path)
     sign(log, key)
     ship(log, UrlPath(bucket))

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError
@@ -20,6 +19,7 @@ from semmap_log.log.replay.care import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.removed_source import ObjectSegments
+from tests.verbs import ran
 
 RECORDINGS = Path(__file__).parents[2] / "recordings"
 
@@ -41,9 +41,7 @@ class CountedStore(ObjectStore):
 
 
 def a_log(path: Path, sessions: int = 4) -> Path:
-    """
-    Make a log of several segments, which recordings of hours are.
-    """
+    """Make a log of several segments, which recordings of hours are."""
     with sl.create(path, tz="UTC", compact=False) as log:
         door = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9, name="front")
     for number in range(sessions):
@@ -101,9 +99,7 @@ def test_cut_at_each_request_and_begun_again_nothing_is_lost_or_sent_twice(
 
 
 def test_one_request_plans_a_log(bucket: str, tmp_path: Path) -> None:
-    """
-    The manifest: who then asks for an event reads the ends of one segment, and a chunk of it.
-    """
+    """The manifest: who then asks for an event reads the ends of one segment, and a chunk of it."""
     log = a_log(tmp_path / "log")
     ship(log, UrlPath(bucket))
     store = CountedStore(UrlPath(bucket))
@@ -116,9 +112,7 @@ def test_one_request_plans_a_log(bucket: str, tmp_path: Path) -> None:
 
 
 def test_a_log_that_goes_on_is_shipped_on(bucket: str, tmp_path: Path) -> None:
-    """
-    Also where its last segment was small, and the next writer continued it in a copy.
-    """
+    """Also where its last segment was small, and the next writer continued it in a copy."""
     with sl.create(tmp_path / "log", tz="UTC", compact=False) as log:
         door = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9)
     ship(tmp_path / "log", UrlPath(bucket))
@@ -183,9 +177,7 @@ def test_another_log_is_not_written_over(bucket: str, tmp_path: Path) -> None:
 
 
 def test_sixteen_that_ship_at_once_leave_the_whole_log(bucket: str, tmp_path: Path) -> None:
-    """
-    Half of them an older copy: whoever comes late refuses, or finds all there.
-    """
+    """Half of them an older copy: whoever comes late refuses, or finds all there."""
     old = a_log(tmp_path / "old", 1)
     log = shutil.copytree(old, tmp_path / "log")
     with sl.append(log, compact=False) as writer:
@@ -228,9 +220,7 @@ class NotedStore(ObjectStore):
 
 
 def test_a_segment_is_handed_over_as_it_was_read(bucket: str, tmp_path: Path) -> None:
-    """
-    A store that honours conditions takes an object in one request: it is in memory once, uncopied.
-    """
+    """A store that honours conditions takes an object in one request."""
     log = a_log(tmp_path / "log", 1)
     store = NotedStore(UrlPath(bucket))
 
@@ -279,9 +269,7 @@ def _cut(store: ObjectStore, one: ObjectStatus) -> None:
 def test_a_harmed_object_is_never_an_answer(
     bucket: str, tmp_path: Path, harm: Callable[[ObjectStore, ObjectStatus], None], which: int
 ) -> None:
-    """
-    Neither of a question that reads it, nor of `verify`, nor of `fetch`.
-    """
+    """Neither of a question that reads it, nor of `verify`, nor of `fetch`."""
     log = a_log(tmp_path / "log")
     ship(log, UrlPath(bucket))
     store = ObjectStore(UrlPath(bucket))
@@ -325,25 +313,18 @@ def test_fetched_it_is_the_same_log_and_goes_on(bucket: str, tmp_path: Path) -> 
     assert ship(tmp_path / "back", UrlPath(bucket)).manifest.version == 2
 
 
-def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as left:
-        main(list(arguments))
-    said = capsys.readouterr()
-    return int(left.value.code or 0), said.out, said.err
-
-
 def test_the_verbs(bucket: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = a_log(tmp_path / "log", 1)
 
-    code, out, _ = run(capsys, "ship", str(log), bucket)
+    code, out, _ = ran(capsys, "ship", str(log), bucket)
     assert (0, True) == (code, "sent 1 segment," in out)
-    code, out, _ = run(capsys, "ship", str(log), bucket)
+    code, out, _ = ran(capsys, "ship", str(log), bucket)
     assert (0, True) == (code, "nothing to send" in out)
-    code, _, said = run(capsys, "info", bucket)
+    code, _, said = ran(capsys, "info", bucket)
     assert (0, True) == (code, f"semmap-log verify {bucket} --head" in said)
-    code, out, _ = run(capsys, "fetch", bucket, str(tmp_path / "back"))
+    code, out, _ = ran(capsys, "fetch", bucket, str(tmp_path / "back"))
     assert (0, True) == (code, " in 1 segment, " in out)
-    code, _, said = run(capsys, "fetch", bucket, str(tmp_path / "back"))
+    code, _, said = ran(capsys, "fetch", bucket, str(tmp_path / "back"))
     assert (1, True) == (code, "exists" in said)
-    code, _, said = run(capsys, "ship", str(log), "office")
+    code, _, said = ran(capsys, "ship", str(log), "office")
     assert (2, True) == (code, "expected a URL" in said)

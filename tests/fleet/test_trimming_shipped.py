@@ -35,9 +35,7 @@ def notes(log: Path) -> Redaction:
 def test_what_lies_in_a_store_only_is_not_left_there_in_silence(
     log: Path, bucket: str, tmp_path: Path
 ) -> None:
-    """
-    A redaction is refused before anything is written; of a log that was fetched, it goes.
-    """
+    """A redaction is refused before anything is written; of a log that was fetched, it goes."""
     ship(log, UrlPath(bucket))
     assert remove_shipped(log, ObjectStore(UrlPath(bucket)), time.time_ns()).segments > 1
     before = {path.name: path.read_bytes() for path in log.iterdir()}
@@ -55,9 +53,7 @@ def test_what_lies_in_a_store_only_is_not_left_there_in_silence(
 
 
 def test_old_sightings_in_a_store_stay_there(log: Path, bucket: str) -> None:
-    """
-    What is on the disk is thinned, and the log is whole.
-    """
+    """What is on the disk is thinned, and the log is whole."""
     ship(log, UrlPath(bucket))
     store = ObjectStore(UrlPath(bucket))
     commits = list(sl.read(log).commits())

@@ -25,9 +25,7 @@ STRENGTH = b"\0\0\0\0\0\0\x08@"
 
 
 def test_verify_names_what_it_could_not_look_into(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    It is good, and the later version thinks so, too.
-    """
+    """It is good, and the later version thinks so, too."""
     log = newer.log("locked", tmp_path)
 
     found = verify(log)
@@ -40,9 +38,7 @@ def test_verify_names_what_it_could_not_look_into(newer: NewerLogs, tmp_path: Pa
 
 @pytest.mark.parametrize("name", ["locked", "weighed", "unsaid"])
 def test_events_of_a_later_version_are_signed(newer: NewerLogs, tmp_path: Path, name: str) -> None:
-    """
-    Their bytes and their place are in the hash chain, as all others are.
-    """
+    """Their bytes and their place are in the hash chain, as all others are."""
     log, key = newer.log(name, tmp_path), a_key(tmp_path)
 
     assert 1 == len(sign(log, key).made)
@@ -50,9 +46,7 @@ def test_events_of_a_later_version_are_signed(newer: NewerLogs, tmp_path: Path, 
 
 
 def test_the_hash_chain_goes_over_unknown_events(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    Somebody changed one, and made its chunk's CRC fit: its commit's hash does not.
-    """
+    """Somebody changed one, and made its chunk's CRC fit: its commit's hash does not."""
     log = newer.log("locked", tmp_path, how="live")
     (path,) = segment_files(log)
     _change_event(path, STRENGTH, b"\0\0\0\0\0\0\x18@")
@@ -64,9 +58,7 @@ def test_the_hash_chain_goes_over_unknown_events(newer: NewerLogs, tmp_path: Pat
 
 
 def test_a_head_that_lacks_what_its_version_has_is_damage(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    A Schema that became another's is not taken for that of a later kind.
-    """
+    """A Schema that became another's is not taken for that of a later kind."""
     log = newer.log("locked", tmp_path, how="live")
     (path,) = segment_files(log)
     data = bytearray(path.read_bytes())
@@ -83,9 +75,7 @@ def test_a_head_that_lacks_what_its_version_has_is_damage(newer: NewerLogs, tmp_
 
 @pytest.mark.parametrize("name", ["locked", "weighed", "entry", "minor"])
 def test_compaction_keeps_all_of_it(newer: NewerLogs, tmp_path: Path, name: str) -> None:
-    """
-    Records, their channels, and what is said in the head: the later version finds the same.
-    """
+    """Records, their channels, and what is said in the head: the later version finds the same."""
     log = newer.log(name, tmp_path)
     before, records = newer.ask(name, log), digest_of_records(log)
 
@@ -98,9 +88,7 @@ def test_compaction_keeps_all_of_it(newer: NewerLogs, tmp_path: Path, name: str)
 
 
 def test_a_merged_segment_has_what_any_of_them_had(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    The first was written before the later version came to the log.
-    """
+    """The first was written before the later version came to the log."""
     log = tmp_path / "office"
     with sl.create(log, tz="Europe/Vienna") as made:
         door = made.add_door(x=2.0, y=1.5, theta=0.0, width=0.9, state="closed", name="front")
@@ -117,9 +105,7 @@ def test_a_merged_segment_has_what_any_of_them_had(newer: NewerLogs, tmp_path: P
 
 
 def test_an_older_writer_goes_on_where_nothing_is_changed(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    What it does not know stays in the log, in the heads of its segments, too.
-    """
+    """What it does not know stays in the log, in the heads of its segments, too."""
     log = newer.log("weighed", tmp_path)
     before = newer.ask("weighed", log)
 
@@ -134,9 +120,7 @@ def test_an_older_writer_goes_on_where_nothing_is_changed(newer: NewerLogs, tmp_
 
 
 def test_the_next_segment_has_what_the_last_one_had(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    The Metadata's entry, the later kind's Schema and Channel, and the version.
-    """
+    """The Metadata's entry, the later kind's Schema and Channel, and the version."""
     log = newer.log("weighed", tmp_path)
     path, head = segment_files(log)[0], b"semmap_msgs/msg/DoorWeighed"
     newer.run("weighed", _FILL, log)
@@ -153,9 +137,7 @@ def test_the_next_segment_has_what_the_last_one_had(newer: NewerLogs, tmp_path: 
 
 
 def test_an_entry_of_a_later_version_stays(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    Whatever is written anew: the segment that is continued, its compacted copy.
-    """
+    """Whatever is written anew: the segment that is continued, its compacted copy."""
     log = newer.log("entry", tmp_path)
 
     with sl.append(log) as writer:
@@ -167,9 +149,7 @@ def test_an_entry_of_a_later_version_stays(newer: NewerLogs, tmp_path: Path) -> 
 
 
 def test_a_writer_that_cannot_know_the_doors_is_refused(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    It would check commands against doors that may be others, and write them down as a keyframe.
-    """
+    """It would check commands against doors that may be others."""
     log = newer.log("locked", tmp_path, how="live")
     before = segment_files(log)[0].read_bytes()
 
@@ -180,9 +160,7 @@ def test_a_writer_that_cannot_know_the_doors_is_refused(newer: NewerLogs, tmp_pa
 
 
 def test_there_is_nothing_to_recover_of_a_whole_log(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    Unknown events are no damage: nothing of them is dropped.
-    """
+    """Unknown events are no damage: nothing of them is dropped."""
     log = newer.log("locked", tmp_path)
     before = segment_files(log)[0].read_bytes()
 
@@ -195,9 +173,7 @@ def test_there_is_nothing_to_recover_of_a_whole_log(newer: NewerLogs, tmp_path: 
 def test_recovery_never_drops_what_it_does_not_know(
     newer: NewerLogs, tmp_path: Path, name: str
 ) -> None:
-    """
-    Where it would have to give it another number, or a keyframe, it leaves the log as it is.
-    """
+    """Where it would have to give it another number, or a keyframe, it leaves the log as it is."""
     log = newer.log(name, tmp_path)
     (path,) = segment_files(log)
     data = bytearray(path.read_bytes())
@@ -214,9 +190,7 @@ def test_recovery_never_drops_what_it_does_not_know(
 def test_recovery_keeps_marked_events_that_keep_their_numbers(
     newer: NewerLogs, tmp_path: Path
 ) -> None:
-    """
-    Byte for byte, with their channel: the later version reads them in the log that is made.
-    """
+    """Byte for byte, with their channel: the later version reads them in the log that is made."""
     log = newer.log("weighed", tmp_path)
     (path,) = segment_files(log)
     fields = newer.ask("weighed", log)["fields"]

@@ -52,9 +52,7 @@ READERS: dict[str, Callable[[sl.DoorLog], Any]] = {
 def test_what_may_be_touched_is_refused(
     newer: NewerLogs, tmp_path: Path, reader: str, how: str
 ) -> None:
-    """
-    An unknown event may set a door's state, or take back any other event.
-    """
+    """An unknown event may set a door's state, or take back any other event."""
     log = sl.read(newer.log("locked", tmp_path, how=how))
 
     newer_version = rf"format 3\.{FORMAT_MINOR + 1}.*event 3 is of kind DoorLocked"
@@ -64,16 +62,12 @@ def test_what_may_be_touched_is_refused(
 
 @pytest.mark.parametrize("reader", READERS)
 def test_what_is_marked_touches_nothing(newer: NewerLogs, tmp_path: Path, reader: str) -> None:
-    """
-    Every way to read goes on.
-    """
+    """Every way to read goes on."""
     READERS[reader](sl.read(newer.log("weighed", tmp_path)))
 
 
 def test_marked_events_are_in_no_answer(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    But they take their numbers, and a commit of nothing else is a commit.
-    """
+    """But they take their numbers, and a commit of nothing else is a commit."""
     log = sl.read(newer.log("weighed", tmp_path))
 
     with pytest.warns(NewerLogWarning, match="1 DoorWeighed"):
@@ -87,9 +81,7 @@ def test_marked_events_are_in_no_answer(newer: NewerLogs, tmp_path: Path) -> Non
 
 
 def test_what_was_known_before_is_answered(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    As the later version answers it: nothing that came then can have changed it.
-    """
+    """As the later version answers it: nothing that came then can have changed it."""
     log = sl.read(newer.log("locked", tmp_path))
     before_ns = log.event(UNKNOWN).recorded_ns - 1
 
@@ -102,9 +94,7 @@ def test_what_was_known_before_is_answered(newer: NewerLogs, tmp_path: Path) -> 
 
 
 def test_follow_gives_all_that_came_before(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    Then it stops, rather than pass over a commit.
-    """
+    """Then it stops, rather than pass over a commit."""
     commits = sl.read(newer.log("locked", tmp_path)).follow(-1, stop=lambda: True)
 
     assert [next(commits).commit.last_event, next(commits).commit.last_event] == [1, 2]
@@ -113,9 +103,7 @@ def test_follow_gives_all_that_came_before(newer: NewerLogs, tmp_path: Path) -> 
 
 
 def test_lists_have_the_event(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    As an object of a class of its own name, with its bytes.
-    """
+    """As an object of a class of its own name, with its bytes."""
     log = sl.read(newer.log("locked", tmp_path))
 
     entries = list(log.history())
@@ -134,9 +122,7 @@ def test_lists_have_the_event(newer: NewerLogs, tmp_path: Path) -> None:
 
 
 def test_a_state_counts_what_it_left_out(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    A keyframe behind a marked event bears that event's number, as the later version's does.
-    """
+    """A keyframe behind a marked event bears that event's number, as the later version's does."""
     log = sl.read(newer.log("weighed", tmp_path))
 
     with pytest.warns(NewerLogWarning):
@@ -146,9 +132,7 @@ def test_a_state_counts_what_it_left_out(newer: NewerLogs, tmp_path: Path) -> No
 
 
 def test_a_log_of_our_own_has_none(tmp_path: Path) -> None:
-    """
-    And what is looked at costs nothing: no chunk is read for it.
-    """
+    """And what is looked at costs nothing: no chunk is read for it."""
     with sl.create(tmp_path / "office", tz="UTC") as log:
         log.add_door(x=0, y=0, theta=0, width=1)
 
@@ -160,9 +144,7 @@ def test_a_log_of_our_own_has_none(tmp_path: Path) -> None:
 def test_what_is_not_understood_is_not_written_elsewhere(
     newer: NewerLogs, tmp_path: Path, *, as_batch: bool
 ) -> None:
-    """
-    In another log nothing would tell what it is: neither its Channel nor its Schema is there.
-    """
+    """In another log nothing would tell what it is: neither its Channel nor its Schema is there."""
     log = sl.read(newer.log("weighed", tmp_path))
     (commit,) = (c for c in log.follow(2, stop=lambda: True, with_newer=True) if c.batch.objects)
 

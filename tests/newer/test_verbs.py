@@ -78,9 +78,7 @@ JOINS = {"join"}
 
 
 def test_every_verb_is_asked() -> None:
-    """
-    A verb that comes has to be put into one of the tables here.
-    """
+    """A verb that comes has to be put into one of the tables here."""
     command = get_command(app)
     verbs = {name for name, one in command.commands.items() if not one.hidden}  # type: ignore[attr-defined]
 
@@ -92,9 +90,7 @@ def test_every_verb_is_asked() -> None:
 def test_lists_show_what_is_unknown(
     newer: NewerLogs, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str, made: str
 ) -> None:
-    """
-    Under its own name, and with the later events, too.
-    """
+    """Under its own name, and with the later events, too."""
     name, how = made.split()
     kind = "DoorAddedV2" if name == "replaced" else "DoorLocked"
     log = newer.log(name, tmp_path, how=how)
@@ -108,9 +104,7 @@ def test_lists_show_what_is_unknown(
 def test_json_has_the_bytes(
     newer: NewerLogs, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
 ) -> None:
-    """
-    Nothing of an event is swallowed, though nobody here knows its fields.
-    """
+    """Nothing of an event is swallowed, though nobody here knows its fields."""
     log = newer.log("locked", tmp_path)
 
     said = _ask(capsys, log, verb, [*LIST[verb], "--json"])
@@ -126,9 +120,7 @@ def test_json_has_the_bytes(
 def test_a_door_s_history_has_what_may_be_about_it(
     newer: NewerLogs, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Which door an event is about is not known either.
-    """
+    """Which door an event is about is not known either."""
     log = newer.log("locked", tmp_path)
 
     assert "DoorLocked" in _ask(capsys, log, "history", ["LOG", "front"]).out
@@ -140,9 +132,7 @@ def test_a_door_s_history_has_what_may_be_about_it(
 def test_what_may_be_touched_is_refused(
     newer: NewerLogs, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str, name: str
 ) -> None:
-    """
-    It is no damage, and it is not written: what to do is to install the newer version.
-    """
+    """It is no damage, and it is not written: what to do is to install the newer version."""
     log = newer.log(name, tmp_path)
     before = _bytes_of(log)
 
@@ -160,9 +150,7 @@ def test_what_may_be_touched_is_refused(
 def test_no_export_leaves_events_out_in_silence(
     newer: NewerLogs, tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str
 ) -> None:
-    """
-    A file for other programs would be taken for the whole.
-    """
+    """A file for other programs would be taken for the whole."""
     log = newer.log("locked", tmp_path)
 
     said = _ask(capsys, log, "export", ["LOG", f"OUT.{ending}"])
@@ -175,9 +163,7 @@ def test_no_export_leaves_events_out_in_silence(
 def test_what_is_marked_is_left_out_and_said(
     newer: NewerLogs, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
 ) -> None:
-    """
-    The later version promises that the answer is the same.
-    """
+    """The later version promises that the answer is the same."""
     log = newer.log("weighed", tmp_path)
 
     said = _ask(capsys, log, verb, ANSWER[verb])
@@ -191,9 +177,7 @@ def test_what_is_marked_is_left_out_and_said(
 def test_a_later_version_that_added_no_kind_is_read_as_ever(
     newer: NewerLogs, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str, name: str
 ) -> None:
-    """
-    As a log of our own with the same events is.
-    """
+    """As a log of our own with the same events is."""
     own = newer.log("minor", tmp_path / "own")
     for path in segment_files(own):
         assert b"format_minor" in path.read_bytes()
@@ -210,9 +194,7 @@ def test_a_later_version_that_added_no_kind_is_read_as_ever(
 def test_another_major_version_is_told_by_every_verb(
     newer: NewerLogs, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
 ) -> None:
-    """
-    Nothing of it is understood, and nothing is damaged.
-    """
+    """Nothing of it is understood, and nothing is damaged."""
     log = newer.log("major", tmp_path)
     before = _bytes_of(log)
     arguments = {**LIST, **ANSWER, **WRITE, **IN_PLACE}

@@ -52,10 +52,7 @@ def _digest(ros_type: str) -> str:
 
 
 def test_every_kind_is_as_its_version_has_it() -> None:
-    """
-    To add a kind: a line here under a new version, and its count in `KINDS_OF_MINOR`. To change
-    one: add another, with a new name.
-    """
+    """To add a kind: a line here under a new version, and its count in `KINDS_OF_MINOR`."""
     types = {topic.schema_id: topic.ros_type for topic in topics()}
     now = {kind.__name__: _digest(types[kind.kind]) for kind in KINDS}
 
@@ -64,9 +61,7 @@ def test_every_kind_is_as_its_version_has_it() -> None:
 
 
 def test_each_version_has_the_kinds_that_it_says() -> None:
-    """
-    The number that is written into each segment is that of the last line of the table.
-    """
+    """The number that is written into each segment is that of the last line of the table."""
     counts, total = [], 0
     for added in KINDS_OF.values():
         total += len(added)
@@ -78,16 +73,12 @@ def test_each_version_has_the_kinds_that_it_says() -> None:
 
 
 def test_there_is_room_for_later_kinds() -> None:
-    """
-    Each kind has a channel below the log's own, and a bit below that of the unknown ones.
-    """
+    """Each kind has a channel below the log's own, and a bit below that of the unknown ones."""
     assert len(KINDS) < LAST_EVENT_CHANNEL < COMMIT_CHANNEL
     assert 1 << len(KINDS) < UNKNOWN_BIT
 
 
 @pytest.mark.parametrize("topic", topics(), ids=lambda topic: topic.topic)
 def test_what_the_first_version_has_is_not_marked(topic: object) -> None:
-    """
-    Every program knows it: a mark would change the bytes of heads that are written for ever.
-    """
+    """Every program knows it: a mark would change the bytes of heads that are written for ever."""
     assert not (topic.since_minor == 0 and topic.changes_nothing)  # type: ignore[attr-defined]

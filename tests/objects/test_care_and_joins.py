@@ -48,9 +48,7 @@ def closed(log: sl.DoorLogWriter, path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_what_an_object_is_stays_when_the_past_goes(closed: Path) -> None:
-    """
-    Retention takes sightings and changes; classes, and which object is of which, stay.
-    """
+    """Retention takes sightings and changes; classes, and which object is of which, stay."""
     trim_log(closed, Retention(LogReader(closed), LogReader(closed).last_log_time_ns()))
 
     log = sl.read(closed)
@@ -61,9 +59,7 @@ def test_what_an_object_is_stays_when_the_past_goes(closed: Path) -> None:
 
 @pytest.mark.parametrize("key", ["class", "outline"])
 def test_what_makes_an_object_what_it_is_is_not_redacted(closed: Path, key: str) -> None:
-    """
-    Else it would be read as a door. In a log without classes it is a word as any other.
-    """
+    """Else it would be read as a door. In a log without classes it is a word as any other."""
     reader = LogReader(closed)
     with pytest.raises(LogError, match=f"annotations '{key}' of door 4 say what it is and where"):
         Redaction.of(reader, [Annotation(4, key)], 99)
@@ -103,9 +99,7 @@ def test_exported_lines_make_the_same_objects(closed: Path, tmp_path: Path) -> N
 
 
 def test_pseudonyms_leave_objects_what_they_are(closed: Path) -> None:
-    """
-    Under numbers: neither the names of classes nor their words are told.
-    """
+    """Under numbers: neither the names of classes nor their words are told."""
     with sl.append(closed) as log:
         for key in ("class", "outline"):
             log.append([DoorAnnotated(door_id=sl.DoorId(1), key=key, value="Anna's own")])
@@ -125,9 +119,7 @@ def test_pseudonyms_leave_objects_what_they_are(closed: Path) -> None:
 
 
 def test_pseudonyms_of_classes_that_come_and_go(log: sl.DoorLogWriter, path: Path) -> None:
-    """
-    A class that is said before it is defined, one that is taken back, and words that are none.
-    """
+    """A class that is said before it is defined, one that is taken back."""
     log.append([DoorAnnotated(door_id=sl.DoorId(1), key="class", value="gate")])
     log.define_class("gate")
     for door, word in ((2, ""), (3, "door"), (4, "somebody's")):
@@ -141,9 +133,7 @@ def test_pseudonyms_of_classes_that_come_and_go(log: sl.DoorLogWriter, path: Pat
 
 
 def test_a_dock_is_no_door_of_its_name(tmp_path: Path) -> None:
-    """
-    Of two robots' logs: the door and the dock `west` stay two; docks of one name are one.
-    """
+    """Of two robots' logs: the door and the dock `west` stay two; docks of one name are one."""
     with a_robot(tmp_path / "tug1") as log:
         furnish(log)
     with a_robot(tmp_path / "tug2", clock=SetClock(START_NS + 1)) as log:
@@ -161,9 +151,7 @@ def test_a_dock_is_no_door_of_its_name(tmp_path: Path) -> None:
 
 
 def test_classes_of_one_name_that_are_not_one_stay_two(tmp_path: Path) -> None:
-    """
-    Each robot's docks are as it says, under the robot's name.
-    """
+    """Each robot's docks are as it says, under the robot's name."""
     with a_robot(tmp_path / "tug1") as log:
         furnish(log)
     with a_robot(tmp_path / "tug2", clock=SetClock(START_NS + 1)) as log:

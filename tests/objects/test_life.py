@@ -38,9 +38,7 @@ def test_an_object_is_what_it_was_added_as(log: sl.DoorLogWriter, path: Path) ->
 
 
 def test_states_are_told_by_the_words_of_a_class(log: sl.DoorLogWriter) -> None:
-    """
-    Or by the names that they have in every class; in the log they are these.
-    """
+    """Or by the names that they have in every class; in the log they are these."""
     log.observe("west", "Taken", accuracy=0.9)
     assert ("dock", "taken") == what(log)["west"]
     log.update_door("west", state=" free ")
@@ -81,9 +79,7 @@ def test_states_are_told_by_the_words_of_a_class(log: sl.DoorLogWriter) -> None:
 def test_what_no_object_can_be_is_refused(
     log: sl.DoorLogWriter, do: Callable[[sl.DoorLogWriter], object], problem: str
 ) -> None:
-    """
-    The message says what there is; nothing is written.
-    """
+    """The message says what there is; nothing is written."""
     before = log.last_event()
 
     with pytest.raises((CommandError, InvalidEventError), match=re.escape(problem)):
@@ -92,9 +88,7 @@ def test_what_no_object_can_be_is_refused(
 
 
 def test_a_point_needs_no_direction_and_an_area_no_place(log: sl.DoorLogWriter) -> None:
-    """
-    An area lies at its first corner, or where it is put; its outline is in its own frame.
-    """
+    """An area lies at its first corner, or where it is put; its outline is in its own frame."""
     dock, spill = log.replay().doors[sl.DoorId(2)], log.replay().doors[sl.DoorId(4)]
     assert (0.0, 0.0) == (dock.theta, dock.width)
     assert (1.0, 3.0) == spill.start
@@ -117,9 +111,7 @@ def test_an_area_moves_with_its_place(log: sl.DoorLogWriter) -> None:
 
 
 def test_what_an_object_was_holds_for_the_time_before(log: sl.DoorLogWriter) -> None:
-    """
-    A class that is defined anew, a class that is corrected, an object that is removed.
-    """
+    """A class that is defined anew, a class that is corrected, an object that is removed."""
     before = log.end_ns()
     log.define_class("dock", geometry="point", states="empty,full", blocks="")
     log.annotate("bay", "class", "")
@@ -136,9 +128,7 @@ def test_what_an_object_was_holds_for_the_time_before(log: sl.DoorLogWriter) -> 
 
 
 def test_a_definition_can_be_taken_back(log: sl.DoorLogWriter) -> None:
-    """
-    Then what was of that class is a door, as if the class had never been.
-    """
+    """Then what was of that class is a door, as if the class had never been."""
     defined = next(e.number for e in log.history(kinds=["ClassDefined"]))
     log.retract(defined)
 
@@ -147,9 +137,7 @@ def test_a_definition_can_be_taken_back(log: sl.DoorLogWriter) -> None:
 
 
 def test_what_a_class_is_called_is_just_a_word_where_none_is_defined(path: Path) -> None:
-    """
-    As it was before there were classes: such a log says nothing of them.
-    """
+    """As it was before there were classes: such a log says nothing of them."""
     with sl.create(path, tz="UTC", clock=SteadyClock()) as log:
         log.add_door(x=1.0, y=1.0, theta=0.0, width=1.0, name="front")
         log.annotate("front", "class", "fire door")
@@ -163,9 +151,7 @@ def test_what_a_class_is_called_is_just_a_word_where_none_is_defined(path: Path)
 
 
 def test_an_object_is_believed_to_be_in_a_state(log: sl.DoorLogWriter) -> None:
-    """
-    A dock that is seen free is as likely free as a door that is seen open is open.
-    """
+    """A dock that is seen free is as likely free as a door that is seen open is open."""
     both = [log.add_door(name="plain"), log.add_door(name="east", object_class="dock")]
     log.append([DoorObserved(door_id=i, state=sl.DoorState.OPEN, accuracy_open=0.9) for i in both])
 
@@ -186,9 +172,7 @@ def test_json_says_what_each_is(log: sl.DoorLogWriter) -> None:
 
 
 def test_what_was_there_before_its_class_was_told(log: sl.DoorLogWriter) -> None:
-    """
-    Who says that an object was there earlier says so of its class, too.
-    """
+    """Who says that an object was there earlier says so of its class, too."""
     early = log.now_ns() - 3600 * 10**9
     log.add_door(object_class="dock", x=1.0, y=2.0, name="old", state="taken", at=early)
     log.annotate("front", "class", "shutter", at=early + 1)
@@ -200,9 +184,7 @@ def test_what_was_there_before_its_class_was_told(log: sl.DoorLogWriter) -> None
 
 
 def test_objects_are_backdated_with_their_class(log: sl.DoorLogWriter, path: Path) -> None:
-    """
-    `import --since-ever`: from then on a dock is a dock.
-    """
+    """`import --since-ever`: from then on a dock is a dock."""
     early = log.now_ns() - 3600 * 10**9
     log.append([DoorObserved(door_id=sl.DoorId(2), state=sl.DoorState.CLOSED, happened_ns=early)])
     log.close()
@@ -220,9 +202,7 @@ def test_objects_are_backdated_with_their_class(log: sl.DoorLogWriter, path: Pat
 
 
 def test_a_word_of_door_0_is_no_class(path: Path) -> None:
-    """
-    Whatever its key: classes stand under one that nobody types.
-    """
+    """Whatever its key: classes stand under one that nobody types."""
     with sl.create(path, tz="UTC", clock=SteadyClock()) as log:
         log.add_door(door_id=sl.DoorId(0))
         log.annotate(0, "class:x", "segment\nA,B\nA")
@@ -232,9 +212,7 @@ def test_a_word_of_door_0_is_no_class(path: Path) -> None:
 
 
 def test_what_was_said_before_an_object_came_is_not_said_of_it(log: sl.DoorLogWriter) -> None:
-    """
-    Not in the map, and not where all objects are listed.
-    """
+    """Not in the map, and not where all objects are listed."""
     early = log.now_ns() - 10**9
     new = log.add_door(name="new")
     log.append([DoorAnnotated(door_id=new, key="class", value="dock", happened_ns=early)])
@@ -275,18 +253,14 @@ def test_a_diff_tells_what_was_said(log: sl.DoorLogWriter) -> None:
 
 
 def test_who_only_tells_facts_may_tell_what_an_object_is(log: sl.DoorLogWriter) -> None:
-    """
-    An import, or a recorder: what its words mean is found when it is asked.
-    """
+    """An import, or a recorder: what its words mean is found when it is asked."""
     log.append([DoorAnnotated(door_id=sl.DoorId(1), key="class", value="dock")])
 
     assert ("dock", "free") == what(log)["front"]
 
 
 def test_classes_are_no_words_of_a_door_that_the_thesis_calls_0(path: Path) -> None:
-    """
-    In a state they stand beside what is said of that door.
-    """
+    """In a state they stand beside what is said of that door."""
     with sl.create(path, tz="UTC", clock=SteadyClock()) as log:
         log.define_class("dock")
         log.add_door(door_id=sl.DoorId(0), name="first", object_class="dock")
@@ -306,9 +280,7 @@ def test_classes_are_no_words_of_a_door_that_the_thesis_calls_0(path: Path) -> N
 def test_who_follows_sees_that_an_object_is_another(
     log: sl.DoorLogWriter, do: Callable[[sl.DoorLogWriter], object]
 ) -> None:
-    """
-    What is drawn of it must be drawn anew, though no field of it has changed.
-    """
+    """What is drawn of it must be drawn anew, though no field of it has changed."""
     before = log.replay().doors
     number = log.last_event() + 1
     do(log)

@@ -50,9 +50,7 @@ def test_a_point_blocks_its_cell(log: sl.DoorLogWriter) -> None:
 
 
 def test_what_does_not_block_leaves_the_floor_alone(log: sl.DoorLogWriter) -> None:
-    """
-    A door below a spill that has dried is seen; a wall below it stays a wall.
-    """
+    """A door below a spill that has dried is seen; a wall below it stays a wall."""
     log.observe(4, "dry")
     door = log.add_door(x=1.5, y=3.1, theta=0.0, width=1.0, state="closed", door_id=sl.DoorId(9))
     assert LETHAL == cost_at(log, 2.0, 3.1)
@@ -68,9 +66,7 @@ def test_what_does_not_block_leaves_the_floor_alone(log: sl.DoorLogWriter) -> No
 
 
 def test_a_wet_floor_lies_above_doors(log: sl.DoorLogWriter) -> None:
-    """
-    Whatever their ids: a door that is open, or not known, does not dry it.
-    """
+    """Whatever their ids: a door that is open, or not known, does not dry it."""
     log.add_door(x=2.0, y=3.2, theta=0.0, width=0.9, state="open")
     assert LETHAL == cost_at(log, 2.5, 3.2)
     log.add_door(x=2.0, y=3.2, theta=0.0, width=0.9)
@@ -91,9 +87,7 @@ def test_belief_costs_how_likely_it_blocks(
 
 
 def test_the_objects_of_a_class_alone(log: sl.DoorLogWriter, tmp_path) -> None:
-    """
-    And of the others nothing is told; a class that there is not is refused.
-    """
+    """And of the others nothing is told; a class that there is not is refused."""
     assert NO_INFORMATION == cost_at(log, 6.0, 0.1, object_class="spill")
     assert LETHAL == cost_at(log, 2.5, 3.2, object_class="spill")
     assert FREE_SPACE == cost_at(log, 1.5, 1.1, object_class="door")
@@ -132,9 +126,7 @@ def told(log: sl.DoorLogWriter) -> Sequence[str]:
 
 
 def test_the_costmap_over_time_is_that_of_each_moment(log: sl.DoorLogWriter) -> None:
-    """
-    Frame by frame, on the same grid.
-    """
+    """Frame by frame, on the same grid."""
     begin = log.end_ns()
     told(log)
 

@@ -137,10 +137,7 @@ def seen(door_map: sl.DoorMap) -> dict[int, tuple[str, str, str]]:
 def test_any_moment_is_what_was_told_of_it(
     seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    By what is known today, and by what was known up to an event; from keyframes and without;
-    merged, and when the oldest events are no longer kept.
-    """
+    """By what is known today, and by what was known up to an event; from keyframes and without."""
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 30)
     dice = random.Random(seed)
     path = tmp_path / "log"

@@ -40,9 +40,7 @@ def test_the_thesis_yaml_has_doors_and_says_what_it_leaves_out(
 def test_a_server_that_starts_with_such_a_yaml_keeps_the_rest(
     log: sl.DoorLogWriter, tmp_path: Path
 ) -> None:
-    """
-    It is the log's own; and in one that knows another door, a dock is nothing that has gone.
-    """
+    """It is the log's own; and in one that knows another door, a dock is nothing that has gone."""
     export(log, tmp_path / "doors.yaml", default_prob=0.5)
     text = (tmp_path / "doors.yaml").read_text("utf-8")
     said = start_with_yaml(log, tmp_path / "doors.yaml", default_prob=0.5)
@@ -58,9 +56,7 @@ def test_a_server_that_starts_with_such_a_yaml_keeps_the_rest(
 
 @pytest.mark.parametrize("update", [False, True])
 def test_files_of_doors_change_no_dock(log: sl.DoorLogWriter, tmp_path: Path, update: bool) -> None:
-    """
-    One that has its number says so, and nothing comes in.
-    """
+    """One that has its number says so, and nothing comes in."""
     entry = "  position: {x: 7.0, y: 1.0, theta: 0.0}\n  width: 1.0\n  status: CLOSED\n"
     (tmp_path / "doors.yaml").write_text(f"2:\n{entry}", "utf-8")
     before = log.last_event()
@@ -81,9 +77,7 @@ def test_the_thesis_message_has_doors_and_markers_all(log: sl.DoorLogWriter, ver
 
 
 def test_what_is_no_line_has_no_length(log: sl.DoorLogWriter) -> None:
-    """
-    A door that was taken for one, and is a dock: no marker goes on as wide as it was.
-    """
+    """A door that was taken for one, and is a dock: no marker goes on as wide as it was."""
     log.annotate("front", "class", "dock")
     look = LevelDoors(DoorMarkers(2), 0, DEFAULT)._look(log.replay().doors[sl.DoorId(1)], 0.0)
     door = log.replay().doors[sl.DoorId(1)]
@@ -92,9 +86,7 @@ def test_what_is_no_line_has_no_length(log: sl.DoorLogWriter) -> None:
 
 
 def test_events_in_their_order_tell_the_same_doors(log: sl.DoorLogWriter) -> None:
-    """
-    As a replay, event by event: what streams of messages are made of.
-    """
+    """As a replay, event by event: what streams of messages are made of."""
     log.observe("west", "taken")
     log.define_class("dock", geometry="segment", states="empty,full")
     log.annotate("bay", "class", "spill")
@@ -120,9 +112,7 @@ def test_planners_and_lasers_see_doors(log: sl.DoorLogWriter) -> None:
 
 
 def test_rooms_are_cut_by_doors(log: sl.DoorLogWriter) -> None:
-    """
-    A shutter over the whole width makes no second room, and a spill none.
-    """
+    """A shutter over the whole width makes no second room, and a spill none."""
     cells = np.zeros((40, 80), np.int8)
     cells[[0, -1]] = cells[:, [0, -1]] = 100
     log.append([FloorMap(level=0, resolution=0.1, origin_x=0.0, origin_y=-1.0, cells=cells)])
@@ -133,9 +123,7 @@ def test_rooms_are_cut_by_doors(log: sl.DoorLogWriter) -> None:
 
 
 def test_other_files_have_all_of_them(log: sl.DoorLogWriter, tmp_path: Path) -> None:
-    """
-    GeoJSON by their geometry; a class of them alone, where it is asked for.
-    """
+    """GeoJSON by their geometry; a class of them alone, where it is asked for."""
     done = export(log, tmp_path / "all.geojson")
     shown = json.loads((tmp_path / "all.geojson").read_text("utf-8"))
     assert ["LineString", "Point", "LineString", "Polygon"] == [

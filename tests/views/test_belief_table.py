@@ -25,17 +25,13 @@ def printed(path: Path, *names: str) -> str:
 
 
 def test_levels_are_shown_where_names_do_not_tell_them(tmp_path: Path) -> None:
-    """
-    Two doors called front need the column; L1_front and L2_front leave more room for names.
-    """
+    """Two doors called front need the column; L1_front and L2_front leave more room for names."""
     assert "level" in printed(tmp_path / "a", "front", "front")
     assert "level" not in printed(tmp_path / "b", "L1_front", "L2_front")
 
 
 def test_a_forecast_of_nothing_is_not_carried_over(tmp_path: Path) -> None:
-    """
-    Of doors never seen nothing is said at all.
-    """
+    """Of doors never seen nothing is said at all."""
     shown = printed(tmp_path / "a", "front")
 
     assert "UNKNOWN, never seen: front" in shown

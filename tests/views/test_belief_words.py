@@ -19,14 +19,10 @@ from semmap_log.views.belief_words import moment_in_words, with_interval
 def test_a_probability_stands_before_its_interval(
     expected: str, numbers: tuple[float, float, float]
 ) -> None:
-    """
-    No probability is 0 or 1, but an interval may reach them; one that says no more is left out.
-    """
+    """No probability is 0 or 1, but an interval may reach them."""
     assert expected == with_interval(*numbers)
 
 
 def test_a_moment_is_told_to_the_second() -> None:
-    """
-    As the building's clocks show it.
-    """
+    """As the building's clocks show it."""
     assert "2026-03-08 22:30:41" == moment_in_words(1_773_005_441_049_000_000, "Europe/Vienna")

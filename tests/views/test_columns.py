@@ -40,9 +40,7 @@ def a_table(*, has_head: bool = True) -> ColumnTable:
 
 
 def test_a_column_that_yields_goes_before_any_is_cut() -> None:
-    """
-    As long as the others have what they need.
-    """
+    """As long as the others have what they need."""
     lines, left_out = drawn(a_table(), 30)
 
     assert ["who: why"] == left_out
@@ -51,9 +49,7 @@ def test_a_column_that_yields_goes_before_any_is_cut() -> None:
 
 
 def test_cells_stand_below_each_other_where_columns_have_no_room() -> None:
-    """
-    All of them, those of columns that yield, too; an empty cell needs no line.
-    """
+    """All of them, those of columns that yield, too; an empty cell needs no line."""
     lines, left_out = drawn(a_table(), 29)
 
     assert [] == left_out
@@ -72,9 +68,7 @@ def test_cells_stand_below_each_other_where_columns_have_no_room() -> None:
 
 
 def test_a_page_behind_the_first_begins_with_an_empty_line() -> None:
-    """
-    As its rows have between them.
-    """
+    """As its rows have between them."""
     first, second = (drawn(a_table(has_head=has), 29)[0] for has in (True, False))
 
     assert ["", *first] == second
@@ -82,9 +76,7 @@ def test_a_page_behind_the_first_begins_with_an_empty_line() -> None:
 
 @pytest.mark.parametrize("width", range(8, 60))
 def test_at_any_width_each_letter_is_there_or_its_column_is_named(width: int) -> None:
-    """
-    And no line is wider than the terminal.
-    """
+    """And no line is wider than the terminal."""
     lines, left_out = drawn(a_table(), width)
     said = "".join("".join(lines).split())
 
@@ -97,9 +89,7 @@ def test_at_any_width_each_letter_is_there_or_its_column_is_named(width: int) ->
 
 
 def test_a_wide_text_takes_no_room_that_another_column_needs() -> None:
-    """
-    The rest is shared out only once each has its least width.
-    """
+    """The rest is shared out only once each has its least width."""
     table = ColumnTable([
         TableColumn("", "name", least=14), TableColumn("", "level", least=3, yields=1),
         TableColumn("", "state"), TableColumn("", "age", right=True),
@@ -115,9 +105,7 @@ def test_a_wide_text_takes_no_room_that_another_column_needs() -> None:
 
 
 def test_a_value_that_has_no_room_stands_below_its_name() -> None:
-    """
-    Whole words stay whole; what has room stays beside.
-    """
+    """Whole words stay whole; what has room stays beside."""
     table = pairs(
         [
             ("log id", "ecf82659111b27f58777fbe325cecd6c"),

@@ -11,9 +11,7 @@ from semmap_log.views.costmap_picture import drawable, in_metres, round_length
     ("text", "shown"), [("Tür", "Tur"), ("会", "?"), ("a b", "a b"), ("a\nb", "a?b"), ("", "")]
 )
 def test_letters_that_the_font_does_not_have(text, shown):
-    """
-    Without their accents, else as a question mark.
-    """
+    """Without their accents, else as a question mark."""
     assert shown == drawable(text)
 
 
@@ -23,8 +21,6 @@ def test_letters_that_the_font_does_not_have(text, shown):
      (6, 10, "10 m"), (700, 1000, "1 km"), (0.0006, 0.001, "1 mm")],
 )  # fmt: skip
 def test_a_scale_bar_has_a_round_length(metres, length, said):
-    """
-    1, 2 or 5 of something.
-    """
+    """1, 2 or 5 of something."""
     assert math.isclose(length, round_length(metres))
     assert said == in_metres(round_length(metres))

@@ -35,9 +35,7 @@ def pixel_at(x, y):
 
 
 def test_doors_are_where_the_map_has_them():
-    """
-    In the colour of their state, in the middle of their line.
-    """
+    """In the colour of their state, in the middle of their line."""
     doors = [
         door(1, start=(0.0, 0.0), end=(0.9, 0.0), state=DoorState.CLOSED),
         door(2, start=(0.0, 0.5), end=(0.9, 0.5), state=DoorState.OPEN),
@@ -54,9 +52,7 @@ def test_doors_are_where_the_map_has_them():
 
 
 def test_a_label_stands_beside_its_door():
-    """
-    A door with a name changes pixels near it, and only there.
-    """
+    """A door with a name changes pixels near it, and only there."""
     bare = opened(costmap_png(ROOM, GEOMETRY, [door(1)])).convert("RGB")
     named = opened(costmap_png(ROOM, GEOMETRY, [door(1, name="Labor")])).convert("RGB")
 
@@ -68,9 +64,6 @@ def test_a_label_stands_beside_its_door():
 
 
 def test_the_same_picture_has_the_same_bytes():
-    """
-    Each time.
-    """
     marks = [door(n, start=(0.1 * n, 0.0), end=(0.1 * n, 0.5), name=f"d{n}") for n in range(9)]
 
     first, second = (costmap_png(ROOM, GEOMETRY, marks, title="noon") for _ in range(2))
@@ -82,9 +75,7 @@ def test_the_same_picture_has_the_same_bytes():
     ("width", "height"), [(1, 1), (1, 4000), (4000, 1), (2001, 3), (4000, 4000)]
 )
 def test_any_size_makes_a_picture_of_some_size(width, height):
-    """
-    From one cell to sixteen million; a picture for people stays one.
-    """
+    """From one cell to sixteen million; a picture for people stays one."""
     grid = np.zeros((height, width), np.uint8)
 
     png = costmap_png(grid, GridGeometry(width, height, 0.05), [door()], title="t" * 500)
@@ -96,9 +87,7 @@ def test_any_size_makes_a_picture_of_some_size(width, height):
 
 
 def test_a_name_that_the_font_cannot_write_gives_way_to_the_number():
-    """
-    No question marks; beside the map it is said whose name is missing.
-    """
+    """No question marks; beside the map it is said whose name is missing."""
     bare, lacking, named = (
         opened(costmap_png(ROOM, GEOMETRY, [door(name=name)])).convert("RGB")
         for name in (None, "会議室 3", "Küche")
@@ -111,9 +100,7 @@ def test_a_name_that_the_font_cannot_write_gives_way_to_the_number():
 
 
 def test_more_doors_than_can_be_labelled():
-    """
-    They are all drawn; names stand beside, and how many had no room.
-    """
+    """They are all drawn; names stand beside, and how many had no room."""
     crowd = [door(n, start=(0.0, 0.0), end=(0.9, 0.0), name=f"door {n}") for n in range(1000)]
 
     found = opened(costmap_png(ROOM, GEOMETRY, crowd))
@@ -133,9 +120,7 @@ def test_more_doors_than_can_be_labelled():
     ],
 )
 def test_doors_that_are_not_on_the_map_leave_it_as_it_is(ends):
-    """
-    Off it, or nowhere.
-    """
+    """Off it, or nowhere."""
     start, end = ends
 
     assert costmap_png(ROOM, GEOMETRY) == costmap_png(ROOM, GEOMETRY, [door(start=start, end=end)])
@@ -144,9 +129,7 @@ def test_doors_that_are_not_on_the_map_leave_it_as_it_is(ends):
 @pytest.mark.parametrize("state", [DoorState.CLOSED, DoorState.OPEN, DoorState.UNKNOWN])
 @pytest.mark.parametrize("far", [1e3, 1e9, 1e17])
 def test_a_door_that_leaves_the_map_is_cut_off_at_its_edge(state, far):
-    """
-    However long it is.
-    """
+    """However long it is."""
     near = opened(costmap_png(ROOM, GEOMETRY, [door(end=(100.0, 0.0), state=state)]))
     long = opened(costmap_png(ROOM, GEOMETRY, [door(end=(far, 0.0), state=state)]))
 
@@ -155,26 +138,20 @@ def test_a_door_that_leaves_the_map_is_cut_off_at_its_edge(state, far):
 
 @pytest.mark.parametrize("origin", [1e6, 1e15, 1e300, -1e17])
 def test_a_map_far_from_its_origin(origin):
-    """
-    Ticks are left out where no float tells its metres apart.
-    """
+    """Ticks are left out where no float tells its metres apart."""
     found = opened(costmap_png(ROOM, GridGeometry(60, 40, 0.05, origin, origin)))
 
     assert 300 <= found.width
 
 
 def test_another_shape_is_refused():
-    """
-    It would be a picture of something else.
-    """
+    """It would be a picture of something else."""
     with pytest.raises(CostmapError, match=r"expected cells \(40, 60\), got \(60, 40\)"):
         costmap_png(ROOM.T, GEOMETRY)
 
 
 def test_a_name_of_any_length_is_cut_before_it_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Else each letter that goes would have the rest measured again: hours, for a stranger's name.
-    """
+    """Else each letter that goes would have the rest measured again."""
     measured: list[int] = []
     draw = ImageDraw.Draw(Image.new("L", (1, 1)))
     length = draw.textlength

@@ -14,9 +14,7 @@ from semmap_log.views.palette import (
 
 
 def test_y_points_up():
-    """
-    The grid's row 0 is the picture's last.
-    """
+    """The grid's row 0 is the picture's last."""
     costs = np.array([[254, 0], [253, 255]], np.uint8)
 
     found = shaded(costs, 1).tolist()
@@ -27,9 +25,7 @@ def test_y_points_up():
 
 
 def test_costs_darken_as_they_rise():
-    """
-    As a grey print shows them: free, inflated, inscribed, lethal, and never lighter on the way.
-    """
+    """As a grey print shows them: free, inflated, inscribed, lethal."""
     row = shaded(np.arange(255, dtype=np.uint8)[None], 1)[0].astype(float)
 
     grey = row @ [0.299, 0.587, 0.114]
@@ -40,9 +36,7 @@ def test_costs_darken_as_they_rise():
 
 
 def test_unknown_is_hatched_and_nothing_else_is():
-    """
-    Its two greys are no cost's.
-    """
+    """Its two greys are no cost's."""
     every = {tuple(shade) for shade in shaded(np.arange(255, dtype=np.uint8)[None], 1)[0].tolist()}
 
     unknown = {
@@ -54,9 +48,7 @@ def test_unknown_is_hatched_and_nothing_else_is():
 
 
 def test_a_wall_of_one_cell_survives_any_shrinking():
-    """
-    The dearest cell of a block shows; unknown only where nothing else is.
-    """
+    """The dearest cell of a block shows; unknown only where nothing else is."""
     costs = np.full((7, 7), 255, np.uint8)
     costs[0, 0] = 0
     costs[5, 5] = 254
@@ -70,9 +62,7 @@ def test_a_wall_of_one_cell_survives_any_shrinking():
 
 
 def test_map_values_look_like_the_costs_they_stand_for():
-    """
-    What a costmap publishes as int8; and what is no map value is lethal.
-    """
+    """What a costmap publishes as int8; and what is no map value is lethal."""
     values = np.array([[-1, 0, 1, 98, 99, 100, 101, -2]], np.int8)
 
     assert [[255, 0, 1, 252, 253, 254, 254, 254]] == costs_of(values).tolist()

@@ -42,9 +42,7 @@ def printed(
 
 
 def test_the_higher_the_bar_the_longer_it_was_open() -> None:
-    """
-    The lowest and the highest bar stand for all of the half hour, and for nothing else.
-    """
+    """The lowest and the highest bar stand for all of the half hour, and for nothing else."""
     day = day_of(("front", [0.0, 0.001, 0.5, 0.999, 1.0, np.nan]))
 
     head, row, legend = printed(day)
@@ -57,9 +55,7 @@ def test_the_higher_the_bar_the_longer_it_was_open() -> None:
 
 
 def test_an_hour_that_comes_twice_is_written_once() -> None:
-    """
-    Havana's midnight of 1 November 2026; the hours behind it stand over their bars.
-    """
+    """Havana's midnight of 1 November 2026; the hours behind it stand over their bars."""
     begin_ns = 1_793_505_600 * 10**9  # 04:00 UTC
     shares = TimeShares(np.ones(50), np.ones(50), np.ones(50))
     doors = [DoorDay(DoorId(1), "front", 50, shares)]
@@ -71,9 +67,7 @@ def test_an_hour_that_comes_twice_is_written_once() -> None:
 
 
 def test_the_liveliest_doors_are_drawn_and_the_others_counted() -> None:
-    """
-    In the order of their ids; the rest is not hidden.
-    """
+    """In the order of their ids; the rest is not hidden."""
     day = day_of(("a", [1.0]), ("b", [1.0, 0.0, 1.0]), ("c", []), ("d", [0.0, 1.0]))
 
     lines = printed(day, 2)
@@ -84,9 +78,7 @@ def test_the_liveliest_doors_are_drawn_and_the_others_counted() -> None:
 
 
 def test_it_fits_a_terminal_whatever_doors_are_called() -> None:
-    """
-    Long names and names of wide letters go on in the next line; control characters do no harm.
-    """
+    """Long names and names of wide letters go on in the next line."""
     day = day_of(("L1_" + "x" * 90, [1.0] * 48), ("門" * 40, [0.0]), ("\x1b[31mred", [0.5]))
 
     lines = printed(day)
@@ -97,9 +89,7 @@ def test_it_fits_a_terminal_whatever_doors_are_called() -> None:
 
 
 def test_colours_say_the_same() -> None:
-    """
-    Mostly open is green, mostly closed red, unknown yellow.
-    """
+    """Mostly open is green, mostly closed red, unknown yellow."""
     _, row, _ = printed(day_of(("front", [0.9, 0.1, np.nan])), colours=True)
 
     assert [("32", "▇"), ("31", "▂"), ("33", "·")] == re.findall("\x1b\\[(3.)m(.)", row)
@@ -107,9 +97,7 @@ def test_colours_say_the_same() -> None:
 
 @pytest.mark.parametrize(("width", "bars"), [(80, 47), (50, 24), (30, 12), (22, 6)])
 def test_a_day_of_47_half_hours_has_bars_in_any_width(width: int, bars: int) -> None:
-    """
-    Lord Howe's clocks change by half an hour: the last bar stands for what is left of the day.
-    """
+    """Lord Howe's clocks change by half an hour."""
     begin_ns = 1_759_584_600 * 10**9
     open_till_noon = np.array([1.0] * 23 + [0.0] * 24)
     shares = TimeShares(open_till_noon, np.ones(47), np.ones(47))

@@ -18,9 +18,7 @@ def overlap(one, other):
 @settings(deadline=None)
 @given(at=st.lists(points, max_size=40), across=st.floats(-4, 4), line=st.tuples(points, points))
 def test_no_label_covers_another(at, across, line):
-    """
-    Nor leaves the picture, nor lies on a line that is to be kept clear.
-    """
+    """Nor leaves the picture, nor lies on a line that is to be kept clear."""
     places = LabelPlaces(300, 200)
     places.keep_clear(*line, margin=3)
 
@@ -34,9 +32,7 @@ def test_no_label_covers_another(at, across, line):
 
 
 def test_a_label_stands_across_from_its_line():
-    """
-    Right beside it where there is room; on the other side next; then farther.
-    """
+    """Right beside it where there is room; on the other side next; then farther."""
     places = LabelPlaces(200, 200)
     across = math.pi / 2
 
@@ -49,7 +45,5 @@ def test_a_label_stands_across_from_its_line():
 
 
 def test_where_there_is_no_room_there_is_no_label():
-    """
-    The caller is told.
-    """
+    """The caller is told."""
     assert LabelPlaces(20, 20).place((10, 10), (30, 10), across=0, distances=NEAR_PX) is None

@@ -46,16 +46,12 @@ def scene_of(log: sl.DoorLog) -> Scene:
     ("levels", "home"), [([], 0), ([1], 1), ([1, 2], None), ([0, 1], 0), ([0], 0)]
 )
 def test_where_level_0_is_shown(levels: list[int], home: int | None) -> None:
-    """
-    On the only level; on none of several; on itself where it is one.
-    """
+    """On the only level; on none of several; on itself where it is one."""
     assert home == home_of_0(levels)
 
 
 def test_one_level_has_all_of_an_old_log(tmp_path: Path) -> None:
-    """
-    The viewer's scene: one plan, with the robot's way on it and the sensor below.
-    """
+    """The viewer's scene: one plan, with the robot's way on it and the sensor below."""
     scene = scene_of(old_log(tmp_path, "L1", doors_on=1))
 
     (level,) = scene.levels.values()
@@ -66,9 +62,7 @@ def test_one_level_has_all_of_an_old_log(tmp_path: Path) -> None:
 
 
 def test_of_several_none_has_it(tmp_path: Path) -> None:
-    """
-    The robot is on no plan, since nobody knows on which; the sensor keeps its lane.
-    """
+    """The robot is on no plan, since nobody knows on which; the sensor keeps its lane."""
     scene = scene_of(old_log(tmp_path, "L1", "L2", doors_on=2))
 
     plans = [level for level in scene.levels.values() if not level.is_empty]
@@ -78,9 +72,7 @@ def test_of_several_none_has_it(tmp_path: Path) -> None:
 
 
 def test_a_level_0_that_has_doors_stays(tmp_path: Path) -> None:
-    """
-    A log that was begun without levels, and got a building later.
-    """
+    """A log that was begun without levels, and got a building later."""
     scene = scene_of(old_log(tmp_path, "L1", doors_on=0))
 
     assert [(0, "Level 0", True)] == [(e.level, e.name, e.has_robot) for e in scene.levels.values()]
@@ -88,9 +80,7 @@ def test_a_level_0_that_has_doors_stays(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("names", "on"), [(("L1",), 1), (("L1", "L2"), 2)])
 def test_more_such_poses_fit_the_picture(tmp_path: Path, names: tuple[str, ...], on: int) -> None:
-    """
-    A view that follows a log is not made anew for each.
-    """
+    """A view that follows a log is not made anew for each."""
     log = old_log(tmp_path, *names, doors_on=on)
     excerpt = Excerpt.of(log, None, None, None)
     taken = RecordingContents(excerpt)
@@ -106,18 +96,14 @@ def test_more_such_poses_fit_the_picture(tmp_path: Path, names: tuple[str, ...],
 
 
 def test_the_level_with_doors_is_in_front(tmp_path: Path) -> None:
-    """
-    Not that of a robot that stands where there is none.
-    """
+    """Not that of a robot that stands where there is none."""
     log = old_log(tmp_path, "A", "B", doors_on=2, robot_on=1)
 
     assert "B" == plan_in_front(log, tmp_path)
 
 
 def test_the_page_has_no_level_0(tmp_path: Path) -> None:
-    """
-    One level: the robot's way and the sensor are on it; several: on none.
-    """
+    """One level: the robot's way and the sensor are on it; several: on none."""
     one = data_of(report(old_log(tmp_path / "one", "L1", doors_on=1)).html)
     two = data_of(report(old_log(tmp_path / "two", "L1", "L2", doors_on=2)).html)
 
@@ -130,9 +116,7 @@ def test_the_page_has_no_level_0(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_page_opens_on_the_level_with_doors(tmp_path: Path) -> None:
-    """
-    In a browser; the robot stands elsewhere, and then on a level that nobody told.
-    """
+    """In a browser; the robot stands elsewhere, and then on a level that nobody told."""
     elsewhere = old_log(tmp_path / "a", "A", "B", doors_on=2, robot_on=1)
     nowhere = old_log(tmp_path / "b", "A", "B", doors_on=2)
     with a_page() as page:
@@ -152,9 +136,7 @@ def test_the_page_opens_on_the_level_with_doors(tmp_path: Path) -> None:
 
 
 def test_the_table_says_no_level_that_is_none(tmp_path: Path) -> None:
-    """
-    A sensor on level 0, beside the building's.
-    """
+    """A sensor on level 0, beside the building's."""
     log = old_log(tmp_path, "L1", doors_on=1)
     out = io.StringIO()
     PlainConsole(out, width=80).print(door_table(log.replay(), tz="UTC"))

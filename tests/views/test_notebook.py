@@ -73,9 +73,7 @@ def shown_values(log: sl.DoorLogWriter) -> dict[str, Any]:
 
 
 def test_everything_is_a_table_in_which_texts_are_texts(log: sl.DoorLogWriter) -> None:
-    """
-    No tag but those of tables, whatever doors, people and buildings are called.
-    """
+    """No tag but those of tables, whatever doors, people and buildings are called."""
     for name, value in shown_values(log).items():
         assert name == type(value).__name__
         table = _Table(value._repr_html_())
@@ -88,9 +86,7 @@ def test_everything_is_a_table_in_which_texts_are_texts(log: sl.DoorLogWriter) -
 
 
 def test_other_places_have_one_short_line(log: sl.DoorLogWriter) -> None:
-    """
-    Which says what it is and how much, whatever it holds.
-    """
+    """Which says what it is and how much, whatever it holds."""
     values = shown_values(log)
     said = f"{str(log.path)!r}: 4 events, 2026-03-01 21:20:00 to 2026-03-01 21:20:00"
 
@@ -108,9 +104,7 @@ def test_other_places_have_one_short_line(log: sl.DoorLogWriter) -> None:
 
 
 def test_the_rows_of_a_door_map_are_its_doors(log: sl.DoorLogWriter) -> None:
-    """
-    The table that `replay` prints.
-    """
+    """The table that `replay` prints."""
     log.add_door(name="back")
 
     head, *rows = _Table(log.replay()._repr_html_()).rows
@@ -141,9 +135,7 @@ def test_a_timeline_of_nothing_says_so() -> None:
 def test_showing_a_log_reads_no_log(
     log: sl.DoorLogWriter, monkeypatch: pytest.MonkeyPatch, show: Any
 ) -> None:
-    """
-    A notebook shows whatever stands in the last line of a cell.
-    """
+    """A notebook shows whatever stands in the last line of a cell."""
 
     def refused(*_: object, **__: object) -> None:
         raise AssertionError("read")
@@ -157,9 +149,7 @@ def test_showing_a_log_reads_no_log(
 
 
 def test_a_damaged_log_can_be_looked_at(log: sl.DoorLogWriter) -> None:
-    """
-    A repr that raises would hide from a debugger what is wrong.
-    """
+    """A repr that raises would hide from a debugger what is wrong."""
     log.close()
     opened = sl.read(log.path)
     (segment,) = log.path.glob("*.mcap")
@@ -169,9 +159,7 @@ def test_a_damaged_log_can_be_looked_at(log: sl.DoorLogWriter) -> None:
 
 
 def test_figures_show_themselves(log: sl.DoorLogWriter) -> None:
-    """
-    The lanes of a log, of some of its doors, and of one timeline, as pictures.
-    """
+    """The lanes of a log, of some of its doors, and of one timeline, as pictures."""
     log.add_door(name="back")
 
     figures = [log.plot(), log.plot(doors=["back"]), log.timeline("back").plot(name="back")]
@@ -196,9 +184,7 @@ def test_without_matplotlib_a_plot_says_what_to_install(
 
 
 def test_what_draws_is_loaded_when_somebody_looks(log: sl.DoorLogWriter) -> None:
-    """
-    A log that is asked needs no view; the line of a repr neither.
-    """
+    """A log that is asked needs no view; the line of a repr neither."""
     log.close()
     code = (
         "import sys, semmap_log as sl; log = sl.read(sys.argv[1]);"
@@ -214,9 +200,7 @@ def test_what_draws_is_loaded_when_somebody_looks(log: sl.DoorLogWriter) -> None
 
 
 def test_why_shows_the_table_of_the_verb() -> None:
-    """
-    And says in one line what was true, and what was believed.
-    """
+    """And says in one line what was true, and what was believed."""
     told = sl.read(Path(__file__).parents[2] / "recordings" / "office").why("main_door", "10:30")
 
     said = (

@@ -59,9 +59,7 @@ def _luminance(colour: Rgb) -> float:
 
 @pytest.mark.parametrize("palette", PALETTES.values(), ids=PALETTES)
 def test_what_is_no_open_or_closed_draws_as_unknown(palette: Palette) -> None:
-    """
-    MOVING and OFFLINE have no colour of their own.
-    """
+    """MOVING and OFFLINE have no colour of their own."""
     for state in (DoorState.UNKNOWN, DoorState.MOVING, DoorState.OFFLINE):
         assert palette.unknown == palette.of_state(state)
     assert (palette.open, palette.closed) == (
@@ -71,10 +69,7 @@ def test_what_is_no_open_or_closed_draws_as_unknown(palette: Palette) -> None:
 
 @pytest.mark.parametrize("palette", PALETTES.values(), ids=PALETTES)
 def test_everything_can_be_seen(palette: Palette) -> None:
-    """
-    On the plan all stands out (3:1, as WCAG asks of graphics), and text does on both themes; so do
-    names on the plan, on the chip that each theme gives them.
-    """
+    """On the plan all stands out (3:1, as WCAG asks of graphics), and text does on both themes."""
     for chip in (LIGHT_CHIP, palette.floor):
         assert contrast(palette.label, chip) >= 3
     for drawn in (palette.open, palette.closed, palette.unknown, palette.robot, palette.wall):
@@ -86,9 +81,7 @@ def test_everything_can_be_seen(palette: Palette) -> None:
 
 @pytest.mark.parametrize("eye", EYES)
 def test_the_colour_blind_palette_stays_apart_for_every_eye(eye: str) -> None:
-    """
-    Open, closed, unknown and the robot; of small letters, the three states.
-    """
+    """Open, closed, unknown and the robot; of small letters, the three states."""
     drawn = (COLOUR_BLIND.open, COLOUR_BLIND.closed, COLOUR_BLIND.unknown, COLOUR_BLIND.robot)
     written = (COLOUR_BLIND.open_text, COLOUR_BLIND.closed_text, COLOUR_BLIND.unknown_text)
 
@@ -97,10 +90,7 @@ def test_the_colour_blind_palette_stays_apart_for_every_eye(eye: str) -> None:
 
 
 def test_the_default_palette_is_not_for_every_eye() -> None:
-    """
-    Its green and red are nearer to each other for a deutan eye: why there is another palette, and
-    that the measure can tell.
-    """
+    """Its green and red are nearer to each other for a deutan eye."""
     assert _apart(DEFAULT.open, DEFAULT.closed, "deutan") < 25
     assert _apart(DEFAULT.open, DEFAULT.closed, "every") > 100
 
@@ -123,8 +113,5 @@ def _lab(linear: np.ndarray) -> np.ndarray:
 
 
 def test_packed_is_what_rerun_takes() -> None:
-    """
-    0xRRGGBBAA.
-    """
     assert 0x35C98BFF == packed(DEFAULT.open)
     assert 0x35C98B10 == packed(DEFAULT.open, 0x10)

@@ -12,9 +12,7 @@ from tests.analysis.rooms.buildings import Building, buildings
 
 @given(buildings())
 def test_rooms_beside_each_other_have_different_tints(building: Building) -> None:
-    """
-    Across each door at least, whose wall is thin.
-    """
+    """Across each door at least, whose wall is thin."""
     plan = plan_of(building.door_map, {0: building.floor})
 
     tints = room_tints(sampled(plan.levels[0], 10**6))
@@ -26,9 +24,7 @@ def test_rooms_beside_each_other_have_different_tints(building: Building) -> Non
 
 @given(buildings())
 def test_the_picture_shows_each_cell_in_its_rooms_tint(building: Building) -> None:
-    """
-    A room's point has its tint; the yard around the building has none; a coarse one, the same.
-    """
+    """A room's point has its tint; the yard around the building has none."""
     plan = plan_of(building.door_map, {0: building.floor})
     rooms = plan.levels[0]
     fine, coarse = rooms_image(rooms, alpha=99), rooms_image(rooms, alpha=99, most_cells=900)
@@ -43,7 +39,4 @@ def test_the_picture_shows_each_cell_in_its_rooms_tint(building: Building) -> No
 
 
 def test_without_rooms_nothing_is_tinted() -> None:
-    """
-    Not an error.
-    """
     assert {} == room_tints(np.zeros((4, 4), np.int64))

@@ -43,9 +43,7 @@ def printed(*tables: RenderableType, width: int = 80) -> str:
 
 
 def test_the_door_table(tmp_path: Path) -> None:
-    """
-    Ids ascending, three decimals, a dash for what is not known, the age of each state.
-    """
+    """Ids ascending, three decimals, a dash for what is not known, the age of each state."""
     log = small_log(tmp_path / "log")
 
     text = printed(door_table(log.replay(at=START + 900 * SECOND), tz="UTC"))
@@ -62,9 +60,7 @@ id name       x     y theta width state    open closed    age
 
 
 def test_columns_that_no_door_fills_are_left_out(tmp_path: Path) -> None:
-    """
-    Sensors without a place and without names have a state, and how old it is.
-    """
+    """Sensors without a place and without names have a state, and how old it is."""
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([DoorAdded(door_id=DoorId(7), state=DoorState.OFFLINE)])
 
@@ -74,9 +70,7 @@ def test_columns_that_no_door_fills_are_left_out(tmp_path: Path) -> None:
 
 
 def test_a_long_name_goes_on_in_the_next_line(tmp_path: Path) -> None:
-    """
-    Nothing is cut off at 80 columns, and square brackets are just characters.
-    """
+    """Nothing is cut off at 80 columns, and square brackets are just characters."""
     name = "L1_left_consult_rm_13_outer [blue]"
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([LevelAdded(level=1, name="first floor")])
@@ -100,24 +94,17 @@ def test_a_long_name_goes_on_in_the_next_line(tmp_path: Path) -> None:
      (2 * 86_400, "2 d"), (700 * 86_400, "700 d"), (730 * 86_400, "2 y")],
 )  # fmt: skip
 def test_age_is_told_in_the_largest_unit_that_fits_twice(seconds: int, expected: str) -> None:
-    """
-    `119 min` says more than `1 h`.
-    """
+    """`119 min` says more than `1 h`."""
     assert expected == age(START, START + seconds * SECOND)
 
 
 def test_an_age_that_nobody_knows_is_a_dash() -> None:
-    """
-    A door whose state was never told.
-    """
+    """A door whose state was never told."""
     assert "-" == age(None, NOW_NS)
 
 
 def test_the_history_table(tmp_path: Path) -> None:
-    """
-    Number, local time, door, what, who and why; late events and undone ones say so. Characters
-    that would steer a terminal are spelt out.
-    """
+    """Number, local time, door, what, who and why; late events and undone ones say so."""
     clock = SteadyClock(START)
     with sl.create(tmp_path / "log", tz="Europe/Vienna", clock=clock) as log:
         log.append(
@@ -147,9 +134,7 @@ def test_the_history_table(tmp_path: Path) -> None:
 
 
 def test_a_history_tells_apart_what_the_clocks_show_twice(tmp_path: Path) -> None:
-    """
-    In the hour that comes twice a time has its offset below; elsewhere none.
-    """
+    """In the hour that comes twice a time has its offset below; elsewhere none."""
     with sl.create(tmp_path / "log", tz="Europe/Vienna") as log:
         door = log.add_door(name="front", at="2025-10-26T01:30")
         for offset in ("+02:00", "+01:00"):
@@ -166,9 +151,7 @@ def test_a_history_tells_apart_what_the_clocks_show_twice(tmp_path: Path) -> Non
 
 @pytest.mark.slow
 def test_pages_of_a_long_history_line_up(tmp_path: Path) -> None:
-    """
-    Printed one by one, as a long history must be, they are the table; one head for all.
-    """
+    """Printed one by one, as a long history must be, they are the table; one head for all."""
     log = restless_log(tmp_path / "log", seed=1, events=1100)
 
     pages = list(history_pages(log.history(), tz="UTC"))
@@ -179,9 +162,7 @@ def test_pages_of_a_long_history_line_up(tmp_path: Path) -> None:
 
 
 def test_the_diff_table(tmp_path: Path) -> None:
-    """
-    Doors added, removed, and each field that is another; then the events, without poses.
-    """
+    """Doors added, removed, and each field that is another; then the events, without poses."""
     log = small_log(tmp_path / "log")
 
     text = printed(diff_table(log.diff(START + 60 * SECOND, START + 2000 * SECOND), tz="UTC"))
@@ -199,9 +180,7 @@ after:  at 2026-03-01 21:53:20+00:00, up to event 19
 
 
 def test_no_difference_is_said(tmp_path: Path) -> None:
-    """
-    An empty table would leave one guessing.
-    """
+    """An empty table would leave one guessing."""
     log = small_log(tmp_path / "log")
 
     text = printed(diff_table(log.diff(START + 60 * SECOND, START + 61 * SECOND), tz="UTC"))
@@ -210,9 +189,7 @@ def test_no_difference_is_said(tmp_path: Path) -> None:
 
 
 def test_one_event_with_all_that_is_known(tmp_path: Path) -> None:
-    """
-    Its fields, times, note and command id.
-    """
+    """Its fields, times, note and command id."""
     log = small_log(tmp_path / "log")
 
     text = printed(entry_table(log.entry(1), tz="UTC"))
@@ -223,9 +200,7 @@ def test_one_event_with_all_that_is_known(tmp_path: Path) -> None:
 
 
 def test_the_summary_table(tmp_path: Path) -> None:
-    """
-    Doors, events by kind, spans, size, the hash to keep elsewhere.
-    """
+    """Doors, events by kind, spans, size, the hash to keep elsewhere."""
     log = small_log(tmp_path / "log")
     summary = log.summary()
 
@@ -239,9 +214,7 @@ def test_the_summary_table(tmp_path: Path) -> None:
 
 
 def test_colours_are_for_terminals(tmp_path: Path) -> None:
-    """
-    A terminal gets green and red; a pipe gets plain text.
-    """
+    """A terminal gets green and red; a pipe gets plain text."""
     table = door_table(small_log(tmp_path / "log").replay(), tz="UTC")
     out = io.StringIO()
 
@@ -252,9 +225,7 @@ def test_colours_are_for_terminals(tmp_path: Path) -> None:
 
 
 def test_history_shows_what_was_before(tmp_path: Path) -> None:
-    """
-    One field: its value; several: each with its name; nothing where nothing was, or changed.
-    """
+    """One field: its value; several: each with its name; nothing where nothing was, or changed."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door(x=0, y=0, theta=0, width=0.9, state="closed")
         log.observe(door, "closed")

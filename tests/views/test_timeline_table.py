@@ -39,10 +39,7 @@ def lasting(*lengths: tuple[int, DoorState], removed: bool = False) -> Timeline:
 
 
 def test_a_row_an_interval_and_the_shares_below() -> None:
-    """
-    In the log's zone; shares are of the time in which a sighting held: what comes after counts as
-    not seen.
-    """
+    """In the log's zone; shares are of the time in which a sighting held."""
     timeline = lasting(
         (25 * MINUTE, DoorState.UNKNOWN),
         (9 * HOUR, DoorState.OPEN),
@@ -74,9 +71,7 @@ up to 2026-03-02 22:45:00+01:00 (Europe/Vienna)"""
 
 
 def test_a_removed_door_and_one_that_nobody_saw() -> None:
-    """
-    Said in words; nothing is divided by nothing.
-    """
+    """Said in words; nothing is divided by nothing."""
     unseen = lasting((HOUR, DoorState.UNKNOWN), removed=True)
 
     text = printed(timeline_totals(unseen, tz="UTC"))
@@ -86,9 +81,7 @@ def test_a_removed_door_and_one_that_nobody_saw() -> None:
 
 
 def test_pages_of_a_long_timeline_line_up() -> None:
-    """
-    The head stands once, and no row is lost.
-    """
+    """The head stands once, and no row is lost."""
     states = (DoorState.OPEN, DoorState.OFFLINE)
     timeline = lasting(*((23 * HOUR + 59 * MINUTE, states[i % 2]) for i in range(PAGE_ROWS + 20)))
 
@@ -114,16 +107,12 @@ def test_pages_of_a_long_timeline_line_up() -> None:
     ],
 )
 def test_a_length_of_time_in_its_largest_unit_and_the_next(ns: int, expected: str) -> None:
-    """
-    Short ones to the millisecond.
-    """
+    """Short ones to the millisecond."""
     assert expected == duration(ns)
 
 
 def test_the_hour_that_comes_twice_is_told_apart() -> None:
-    """
-    By the offset, in a line of its own: the columns stay as narrow as ever.
-    """
+    """By the offset, in a line of its own: the columns stay as narrow as ever."""
     timeline = replace(
         lasting((HOUR, DoorState.OPEN), (30 * MINUTE, DoorState.CLOSED)),
         start_ns=np.array([1_761_438_600, 1_761_442_200]) * SECOND,
@@ -152,7 +141,5 @@ since               until                    lasted state    seen   event unseen
     ],
 )
 def test_it_says_how_long_a_sighting_holds(hold: Hold | None, expected: str) -> None:
-    """
-    And why: the setting of the log, and what the door's looks tell.
-    """
+    """And why: the setting of the log, and what the door's looks tell."""
     assert f"a sighting holds {expected}" == hold_in_words(hold)

@@ -35,9 +35,7 @@ def printed(shown: RenderableType, *, terminal: bool = False) -> str:
 
 
 def test_on_a_terminal_the_digits_have_colours(front: TypicalWeek) -> None:
-    """
-    The same digits, on a ground that says the same, in ink that can be read on it.
-    """
+    """The same digits, on a ground that says the same, in ink that can be read on it."""
     coloured = printed(week_maps([front]), terminal=True)
 
     red, green, blue = shade(front.hours.p_open[0, 10])
@@ -45,9 +43,7 @@ def test_on_a_terminal_the_digits_have_colours(front: TypicalWeek) -> None:
 
 
 def test_a_cell_too_little_seen_is_neither_known_nor_unseen(front: TypicalWeek) -> None:
-    """
-    It was looked at, but not often enough: a question mark.
-    """
+    """It was looked at, but not often enough: a question mark."""
     known = front.hours.is_known.copy()
     known[0, 7] = False
     week = dataclasses.replace(front, hours=dataclasses.replace(front.hours, is_known=known))
@@ -58,9 +54,7 @@ def test_a_cell_too_little_seen_is_neither_known_nor_unseen(front: TypicalWeek) 
 
 
 def test_digits_are_tenths(front: TypicalWeek) -> None:
-    """
-    0 below .1, 9 from .9 on.
-    """
+    """0 below .1, 9 from .9 on."""
     p_open = np.tile(np.array([0.001, 0.0999, 0.1, 0.55, 0.8999, 0.9, 0.999, 0.5]), 21)
     everywhere = np.ones((7, 24), bool)
     hours = dataclasses.replace(front.hours, p_open=p_open.reshape(7, 24), is_known=everywhere)
@@ -72,9 +66,7 @@ def test_digits_are_tenths(front: TypicalWeek) -> None:
 
 
 def test_the_days_show_their_interval(front: TypicalWeek) -> None:
-    """
-    P(open), and under it where it lies.
-    """
+    """P(open), and under it where it lies."""
     days = front.by_weekday()
 
     shown = printed(weekday_rows([front]))
@@ -85,9 +77,7 @@ def test_the_days_show_their_interval(front: TypicalWeek) -> None:
 
 
 def test_a_door_never_seen_has_words_instead(log: sl.DoorLog) -> None:
-    """
-    In each of the maps.
-    """
+    """In each of the maps."""
     weeks = typical_weeks(log, doors=["attic"])
 
     for shown in (week_maps(weeks), hour_rows(weeks), weekday_rows(weeks)):
@@ -95,9 +85,7 @@ def test_a_door_never_seen_has_words_instead(log: sl.DoorLog) -> None:
 
 
 def test_shades_run_from_dark_to_bright() -> None:
-    """
-    Each a little lighter than the one before, also in grey; and ink stays readable on all.
-    """
+    """Each a little lighter than the one before, also in grey; and ink stays readable on all."""
     shades = np.array([shade(p) for p in np.linspace(0, 1, 50)], float)
     grey = shades @ (0.299, 0.587, 0.114)
     inks = np.array([ink_on(tuple(s)) for s in shades]) @ (0.299, 0.587, 0.114)
@@ -108,9 +96,7 @@ def test_shades_run_from_dark_to_bright() -> None:
 
 
 def test_shades_are_matplotlib_s_viridis() -> None:
-    """
-    So that terminal, plot and viewer show the same colour for the same number.
-    """
+    """So that terminal, plot and viewer show the same colour for the same number."""
     colormaps = pytest.importorskip("matplotlib", reason="semmap-log[plots]").colormaps
 
     for p in np.linspace(0, 1, 21):

@@ -13,9 +13,7 @@ LOGS = 8
 
 @pytest.fixture(scope="session")
 def made_fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """
-    Nobody writes here.
-    """
+    """Nobody writes here."""
     folder = tmp_path_factory.mktemp("fleet") / "logs"
     folder.mkdir()
     for seed in range(LOGS):

@@ -19,9 +19,7 @@ START_NS = 1_772_409_600 * 10**9
 
 
 def make_log(folder: Path, seed: int, *, hours: int = 6, close: bool = True) -> Any:
-    """
-    Three doors, seen now and then; one sighting taken back, one told late, one door removed.
-    """
+    """Three doors, seen now and then; one sighting taken back, one told late, one door removed."""
     rng = np.random.default_rng(seed)
     clock = SteadyClock(START_NS)
     log = sl.create(folder, tz="UTC", robot=f"robot{seed}", building="clinic", clock=clock)
@@ -46,9 +44,7 @@ def make_log(folder: Path, seed: int, *, hours: int = 6, close: bool = True) -> 
 
 
 def events_of(folder: Path) -> list[dict[str, Any]]:
-    """
-    The events that count, as `export` writes them: all that the oracle knows of ours.
-    """
+    """The events that count, as `export` writes them: all that the oracle knows of ours."""
     out = folder.parent / f"{folder.name}.jsonl"
     run = [sys.executable, "-m", "semmap_log", "export", folder, out]
     subprocess.run(run, check=True, capture_output=True)
@@ -58,9 +54,7 @@ def events_of(folder: Path) -> list[dict[str, Any]]:
 
 
 def doors_then(events: list[dict[str, Any]]) -> dict[int, str]:
-    """
-    The state of each door that is there, by the last event that says one.
-    """
+    """The state of each door that is there, by the last event that says one."""
     states: dict[int, str] = {}
     for event in sorted(events, key=lambda e: (min(e["happened"], e["recorded"]), e["event"])):
         if event["kind"] == "DoorRemoved":
@@ -71,9 +65,7 @@ def doors_then(events: list[dict[str, Any]]) -> dict[int, str]:
 
 
 def openings_then(events: list[dict[str, Any]]) -> dict[tuple[int, str], int]:
-    """
-    (door, hour) -> how often it is OPEN after it was known to be CLOSED.
-    """
+    """(door, hour) -> how often it is OPEN after it was known to be CLOSED."""
     known: dict[int, str] = {}
     found: dict[tuple[int, str], int] = {}
     for event in sorted(events, key=lambda e: (min(e["happened"], e["recorded"]), e["event"])):

@@ -13,19 +13,13 @@ import pyarrow.csv
 import pyarrow.parquet
 import pytest
 
-from semmap_log.cli import main
-
-
-def code_of(*words: object) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main(["fleet", *map(str, words)])
-    return int(ended.value.code or 0)
+from tests.verbs import Refuses, run
 
 
 def test_a_table_and_a_line_of_outcomes(
     made_fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert 0 == code_of("map", made_fleet, "--engine", "serial")
+    assert 0 == run("fleet", "map", made_fleet, "--engine", "serial")
 
     out, err = capsys.readouterr()
     assert out.splitlines()[0].split("\t")[:3] == ["log", "door_id", "door"]
@@ -36,7 +30,7 @@ def test_a_table_and_a_line_of_outcomes(
 def test_a_timeout_is_some_time(
     made_fleet: Path, timeout: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert code_of("map", made_fleet, "--timeout", timeout) in (1, 2)
+    assert run("fleet", "map", made_fleet, "--timeout", timeout) in (1, 2)
 
     assert timeout in capsys.readouterr().err
 
@@ -46,7 +40,7 @@ def test_json_has_each_log_and_each_row(
 ) -> None:
     words = ["info", str(made_fleet), str(tmp_path / "away"), "--engine", "serial"]
 
-    assert 4 == code_of(*words, "--json")
+    assert 4 == run("fleet", *words, "--json")
 
     told = json.loads(capsys.readouterr().out)
     assert (9, 8) == (len(told["logs"]), len(told["rows"]))
@@ -59,7 +53,7 @@ def test_json_has_each_log_and_each_row(
 def test_rows_as_a_file(made_fleet: Path, tmp_path: Path, suffix: str) -> None:
     out = tmp_path / f"openings.{suffix}"
 
-    assert 0 == code_of("openings", made_fleet, "--out", out, "--engine", "serial")
+    assert 0 == run("fleet", "openings", made_fleet, "--out", out, "--engine", "serial")
 
     table = pyarrow.csv.read_csv(out) if suffix == "csv" else pyarrow.parquet.read_table(out)
     assert {"log", "log_id", "door", "hour", "openings"} <= set(table.column_names)
@@ -70,41 +64,32 @@ def test_a_projection_of_ones_own(made_fleet: Path, capsys: pytest.CaptureFixtur
     fold = "tests.fleet.jobs.projections:Sightings"
     words = ["fold", str(made_fleet), "--fold", fold, "--engine", "serial", "--json"]
 
-    assert 0 == code_of(*words)
+    assert 0 == run("fleet", *words)
 
     told = json.loads(capsys.readouterr().out)
     assert {"1", "2", "3"} == told["rows"][0]["state"].keys()
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["fold", "LOGS"], "expected MODULE:CLASS"),
-        (["export", "LOGS"], "expected a folder or a URL"),
-        (["openings", "LOGS", "--at", "now"], "means nothing to openings"),
-        (["map", "LOGS", "--out", "x.txt"], "ends in .parquet or .csv"),
-        (["dance", "LOGS"], "dance"),
-    ],
-)
-def test_command_lines_that_cannot_be(
-    made_fleet: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
-) -> None:
-    assert 2 == code_of(*(made_fleet if w == "LOGS" else w for w in words))
-    assert said in capsys.readouterr().err
+def test_command_lines_that_cannot_be(made_fleet: Path, refuses: Refuses) -> None:
+    refuses(f"""
+        fleet fold {made_fleet}
+        fleet export {made_fleet}
+        fleet openings {made_fleet} --at now
+        fleet map {made_fleet} --out x.txt
+        fleet dance {made_fleet}
+    """)
 
 
 @pytest.mark.parametrize("fold", ["nowhere:Nothing", "json:dumps", "plain"])
 def test_a_projection_that_is_none(
     made_fleet: Path, capsys: pytest.CaptureFixture[str], fold: str
 ) -> None:
-    assert 1 == code_of("fold", made_fleet, "--fold", fold, "--engine", "serial")
+    assert 1 == run("fleet", "fold", made_fleet, "--fold", fold, "--engine", "serial")
     assert f"--fold {fold}: " in capsys.readouterr().err
 
 
 def test_ctrl_c_keeps_what_has_answered(made_fleet: Path, tmp_path: Path) -> None:
-    """
-    The next run asks only the rest, and its answer is that of a run that was never stopped.
-    """
+    """The next run asks only the rest, and its answer is that of a run that was never stopped."""
     kept = tmp_path / "r"
     words = [sys.executable, "-m", "semmap_log", "fleet", "openings", made_fleet, "--results", kept]
     slow = [*words[:1], "-c", _SLOWLY, *words[3:]]

@@ -25,9 +25,7 @@ def run(*words: object) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture
 def logs(tmp_path: Path) -> Path:
-    """
-    Two logs; the first has an event that happened two months before the rest.
-    """
+    """Two logs; the first has an event that happened two months before the rest."""
     folder = tmp_path / "logs"
     folder.mkdir()
     for seed in range(2):
@@ -39,9 +37,7 @@ def logs(tmp_path: Path) -> Path:
 
 
 def test_every_event_is_in_the_month_in_which_it_happened(logs: Path, tmp_path: Path) -> None:
-    """
-    With nanoseconds as whole numbers; DuckDB reads the folder as one table.
-    """
+    """With nanoseconds as whole numbers; DuckDB reads the folder as one table."""
     done = run("export", logs, "--out", tmp_path / "lake", "--engine", "serial")
     assert 0 == done.returncode, done.stderr
 

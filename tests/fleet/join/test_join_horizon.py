@@ -56,9 +56,7 @@ def places_and_states(answer: Any) -> Any:
 def test_it_answers_as_before_from_the_latest_horizon_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
 ) -> None:
-    """
-    Of two logs one or both keep less; at what had happened, at what was known, and both.
-    """
+    """Of two logs one or both keep less; at what had happened, at what was known, and both."""
     draw = random.Random(seed)
     logs = {
         name: random_log(tmp_path / name, 10 * seed + i, monkeypatch, commits=150, roll=30)
@@ -89,9 +87,7 @@ def test_it_answers_as_before_from_the_latest_horizon_on(
 def test_alone_it_believes_what_the_log_itself_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int, *, is_kept: bool
 ) -> None:
-    """
-    Its sightings were thinned: what went counts, though its number is that of another event here.
-    """
+    """Its sightings were thinned: what went counts."""
     log = random_log(tmp_path / "one", seed, monkeypatch, commits=300, roll=30)
     times = [c.recorded_ns for c in LogReader(log).commits()]
     until_ns, last_ns = times[250], times[-1]
@@ -116,9 +112,7 @@ def test_alone_it_believes_what_the_log_itself_does(
 def test_a_pin_of_one_log_is_none_of_the_join(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The state that it keeps is that of its own doors; later ones are names of moments as ever.
-    """
+    """The state that it keeps is that of its own doors; later ones are names of moments as ever."""
     log = quiet_and_busy(tmp_path, monkeypatch)
     commits = [c.recorded_ns for c in LogReader(log).commits()]
     with sl.append(log, clock=MinuteClock(), compact=False) as opened:
@@ -156,9 +150,7 @@ def quiet_and_busy(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_door_that_was_last_seen_before_the_horizon_is_as_it_was(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Its sighting is gone; the keyframe at the horizon knows of it.
-    """
+    """Its sighting is gone; the keyframe at the horizon knows of it."""
     log = trimmed(quiet_and_busy(tmp_path, monkeypatch), tmp_path / "kept", 2**62)
     with a_log(tmp_path / "two", MinuteClock()) as other:
         other.add_door(x=9.0, y=1.0, theta=0.0, width=0.9, name="other", state="closed")
@@ -176,9 +168,7 @@ def test_a_door_that_was_last_seen_before_the_horizon_is_as_it_was(
 def test_what_is_taken_back_later_makes_history_begin_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The other log takes back what it told before the horizon: before that, both were believed.
-    """
+    """The other log takes back what it told before the horizon: before that, both were believed."""
     log = trimmed(quiet_and_busy(tmp_path, monkeypatch), tmp_path / "kept", 2**62)
     clock = MinuteClock()
     with a_log(tmp_path / "two", clock) as other:
@@ -201,9 +191,7 @@ def test_what_is_taken_back_later_makes_history_begin_later(
 def test_a_retraction_that_ends_all_logs_makes_history_begin_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Nothing is behind it: only now can be asked about.
-    """
+    """Nothing is behind it: only now can be asked about."""
     log = trimmed(quiet_and_busy(tmp_path, monkeypatch), tmp_path / "kept", 2**62)
     clock = MinuteClock()
     with a_log(tmp_path / "two", clock) as other:
@@ -224,9 +212,7 @@ def test_a_retraction_that_ends_all_logs_makes_history_begin_there(
 def test_it_begins_there_though_nothing_else_is_gone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, with_other: bool
 ) -> None:
-    """
-    The log's only sighting was taken back: no door's state rests on it, and then it was OPEN.
-    """
+    """The log's only sighting was taken back: no door's state rests on it, and then it was OPEN."""
     monkeypatch.setattr("semmap_log.store.writing.segment_chain.ROLL_COMMITS", 4)
     with a_log(tmp_path / "one", MinuteClock()) as log:
         door = log.add_door(x=1.0, y=1.0, theta=0.0, width=0.9, name="front", state="closed")
@@ -248,9 +234,7 @@ def test_it_begins_there_though_nothing_else_is_gone(
 def test_a_retraction_of_what_is_gone_moves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A pose behind the horizon, redacted with its commit: it is in no state.
-    """
+    """A pose behind the horizon, redacted with its commit: it is in no state."""
     log, clock = quiet_and_busy(tmp_path, monkeypatch), MinuteClock()
     until_ns = [c.recorded_ns for c in LogReader(log).commits()][25]
     clock.now_ns += 3600 * SECOND_NS
@@ -271,9 +255,7 @@ def test_a_retraction_of_what_is_gone_moves_nothing(
 def test_of_equal_times_the_later_told_counts_though_the_earlier_is_gone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, is_one_log: bool
 ) -> None:
-    """
-    What stands for it comes in its place, before what another log, or the same, told afterwards.
-    """
+    """What stands for it comes in its place, before what another log."""
     monkeypatch.setattr("semmap_log.store.writing.segment_chain.ROLL_COMMITS", 6)
     clock, later, then = MinuteClock(), MinuteClock(), f"@{START_NS + 100 * SECOND_NS}"
     place = {"x": 1.0, "y": 1.0, "theta": 0.0, "width": 0.9}
@@ -306,9 +288,7 @@ def test_of_equal_times_the_later_told_counts_though_the_earlier_is_gone(
 def test_a_log_that_is_made_of_it_knows_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    It verifies, says what it no longer keeps, and is the same again byte for byte.
-    """
+    """It verifies, says what it no longer keeps, and is the same again byte for byte."""
     log = trimmed(quiet_and_busy(tmp_path, monkeypatch), tmp_path / "kept", 2**62)
     for new in ("new", "again"):
         with pytest.raises(SystemExit, match="0"):

@@ -45,9 +45,7 @@ from tests.store.logs import segment_files
 
 
 def test_doors_of_one_name_are_one_and_the_rest_say_whose_they_are(tmp_path: Path) -> None:
-    """
-    The latest sighting counts; who has no frame tells no geometry.
-    """
+    """The latest sighting counts; who has no frame tells no geometry."""
     log = sl.join(two_robots(tmp_path))
     doors = doors_of(log)
 
@@ -63,9 +61,7 @@ def test_doors_of_one_name_are_one_and_the_rest_say_whose_they_are(tmp_path: Pat
 
 
 def test_a_frame_turns_and_shifts(tmp_path: Path) -> None:
-    """
-    Doors and poses; the last writer of a shared door's place is who told it last.
-    """
+    """Doors and poses; the last writer of a shared door's place is who told it last."""
     tug1, tug2 = two_robots(tmp_path)
     with sl.append(tug2) as log:
         log.append(
@@ -104,9 +100,7 @@ def visits_at_front(capsys: pytest.CaptureFixture[str], log: Path) -> int:
 def test_two_robots_at_one_door_are_two_visits(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    Neither names a source; without the prefix the second would be a look of the same visit.
-    """
+    """Neither names a source; without the prefix the second would be a look of the same visit."""
     logs = []
     for robot in ("tug1", "tug2"):
         clock = SetClock()
@@ -126,9 +120,7 @@ def test_two_robots_at_one_door_are_two_visits(
 
 
 def test_levels_of_one_name_are_one_and_the_reference_draws_them(tmp_path: Path) -> None:
-    """
-    Another number of the same name becomes the reference's; a name of its own gets a free number.
-    """
+    """Another number of the same name becomes the reference's."""
     for number, robot in enumerate(("tug1", "tug2")):
         clock = SetClock(START_NS + number * SECOND_NS)
         with a_robot(tmp_path / robot, clock=clock) as log:
@@ -152,9 +144,7 @@ def test_levels_of_one_name_are_one_and_the_reference_draws_them(tmp_path: Path)
 
 
 def test_a_removal_counts_and_reaches_no_later_adding(tmp_path: Path) -> None:
-    """
-    The last of both decides; the log alone in which it was removed does not.
-    """
+    """The last of both decides; the log alone in which it was removed does not."""
     tug1, tug2 = two_robots(tmp_path)
     with sl.append(tug1, clock=SetClock(START_NS + 60 * SECOND_NS)) as log:
         log.remove_door("front")
@@ -178,9 +168,7 @@ def test_a_removal_counts_and_reaches_no_later_adding(tmp_path: Path) -> None:
     ],
 )
 def test_a_wrong_table_names_its_line(rows: str, line: int, problem: str, tmp_path: Path) -> None:
-    """
-    Nothing is joined by half.
-    """
+    """Nothing is joined by half."""
     table = tmp_path / "m.csv"
     table.write_text(f"log,door,building door\n{rows}\n", encoding="utf-8")
 
@@ -192,9 +180,7 @@ def test_a_wrong_table_names_its_line(rows: str, line: int, problem: str, tmp_pa
 
 
 def test_the_table_joins_doors_of_other_names(tmp_path: Path) -> None:
-    """
-    By name or id; the building's name is the only one then.
-    """
+    """By name or id; the building's name is the only one then."""
     rows = [("tug1", "store", "storage"), ("tug2", "id:1", "storage")]
     log = sl.join(two_robots(tmp_path), doors=rows)
 
@@ -204,9 +190,7 @@ def test_the_table_joins_doors_of_other_names(tmp_path: Path) -> None:
 
 
 def test_retractions_reach_their_own_log_only(tmp_path: Path) -> None:
-    """
-    Events 1..2 of one log are other events of the view.
-    """
+    """Events 1..2 of one log are other events of the view."""
     tug1, tug2 = two_robots(tmp_path)
     with sl.append(tug2, clock=SetClock(START_NS + 90 * SECOND_NS)) as log:
         log.retract(log.last_event())
@@ -218,9 +202,7 @@ def test_retractions_reach_their_own_log_only(tmp_path: Path) -> None:
 
 
 def test_forks_of_one_log_are_refused_and_copies_are_not(tmp_path: Path) -> None:
-    """
-    A copy that is behind is a part of the other.
-    """
+    """A copy that is behind is a part of the other."""
     tug1, tug2 = two_robots(tmp_path)
     copy = Path(shutil.copytree(tug1, tmp_path / "copy"))
     with sl.append(tug1, clock=SetClock(START_NS + 40 * SECOND_NS)) as log:
@@ -235,12 +217,8 @@ def test_forks_of_one_log_are_refused_and_copies_are_not(tmp_path: Path) -> None
         sl.join([copy, tug2, tug1])
 
 
-def test_a_live_log_counts_up_to_its_last_commit_and_a_damaged_one_is_named(
-    tmp_path: Path,
-) -> None:
-    """
-    What is wrong with one log is told by its path.
-    """
+def test_a_live_log_counts_up_to_its_last_commit_and_a_damaged_one_is_named(tmp_path: Path) -> None:
+    """What is wrong with one log is told by its path."""
     tug1, tug2 = two_robots(tmp_path)
     with sl.append(tug1, clock=SetClock(START_NS + 70 * SECOND_NS)) as log:
         log.observe("front", "open")
@@ -256,9 +234,7 @@ def test_a_live_log_counts_up_to_its_last_commit_and_a_damaged_one_is_named(
 
 
 def test_what_a_later_version_wrote_may_touch_the_answer(newer: NewerLogs, tmp_path: Path) -> None:
-    """
-    Then nothing is joined.
-    """
+    """Then nothing is joined."""
     tug1, _ = two_robots(tmp_path)
     (tmp_path / "new").mkdir()
     with pytest.raises(NewerLogError, match="newer version"):
@@ -268,9 +244,7 @@ def test_what_a_later_version_wrote_may_touch_the_answer(newer: NewerLogs, tmp_p
 def test_the_view_is_kept_and_made_again_where_a_log_grew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Unchanged logs are looked at by their heads alone.
-    """
+    """Unchanged logs are looked at by their heads alone."""
     tug1, tug2 = two_robots(tmp_path)
     first = events_of(sl.join([tug1, tug2], cache=tmp_path / "cache"))
     with monkeypatch.context() as patched:
@@ -286,9 +260,7 @@ def test_the_view_is_kept_and_made_again_where_a_log_grew(
 
 
 def test_a_log_in_a_store_is_joined_where_it_lies(bucket: str, tmp_path: Path) -> None:
-    """
-    And its copy on the disk is the same log.
-    """
+    """And its copy on the disk is the same log."""
     tug1, tug2 = two_robots(tmp_path)
     ship(tug2, UrlPath(f"{bucket}/tug2"))
 
@@ -299,9 +271,7 @@ def test_a_log_in_a_store_is_joined_where_it_lies(bucket: str, tmp_path: Path) -
 
 
 def test_a_join_of_joins_is_the_join_of_all(tmp_path: Path) -> None:
-    """
-    Whatever the brackets are.
-    """
+    """Whatever the brackets are."""
     tug1, tug2 = two_robots(tmp_path)
     with a_robot(tmp_path / "tug3", clock=SetClock(START_NS + 3 * SECOND_NS)) as log:
         log.add_door(x=1.0, y=1.0, theta=0.0, width=1.0, name="depot")
@@ -321,9 +291,7 @@ def test_a_join_of_joins_is_the_join_of_all(tmp_path: Path) -> None:
 
 
 def test_a_join_cannot_be_written_to_or_shipped(tmp_path: Path) -> None:
-    """
-    It has no bytes of its own.
-    """
+    """It has no bytes of its own."""
     tug1, _ = two_robots(tmp_path)
     path = join_file(tmp_path, tug1)
 
@@ -334,9 +302,7 @@ def test_a_join_cannot_be_written_to_or_shipped(tmp_path: Path) -> None:
 
 
 def test_two_commands_of_one_id_stay_two(tmp_path: Path) -> None:
-    """
-    A goal that two robots were given; the view is a good log.
-    """
+    """A goal that two robots were given; the view is a good log."""
     for number, robot in enumerate(("tug1", "tug2")):
         with a_robot(tmp_path / robot, clock=SetClock(START_NS + number * SECOND_NS)) as log:
             log.add_door(x=1.0, y=1.0, theta=0.0, width=1.0, name="front", command_id=bytes(16))
@@ -352,9 +318,7 @@ def test_two_commands_of_one_id_stay_two(tmp_path: Path) -> None:
 
 
 def test_rounds_of_two_robots_stay_two(tmp_path: Path) -> None:
-    """
-    Each counts its own from 1 on.
-    """
+    """Each counts its own from 1 on."""
     for number, robot in enumerate(("tug1", "tug2")):
         with a_robot(tmp_path / robot, clock=SetClock(START_NS + number * SECOND_NS)) as log:
             log.add_door(x=1.0, y=1.0, theta=0.0, width=1.0, name="front")
@@ -365,9 +329,7 @@ def test_rounds_of_two_robots_stay_two(tmp_path: Path) -> None:
 
 
 def test_events_as_columns_are_those_one_by_one(tmp_path: Path) -> None:
-    """
-    A large batch of sightings keeps its values.
-    """
+    """A large batch of sightings keeps its values."""
     tug1, tug2 = two_robots(tmp_path)
     with sl.append(tug2, clock=SetClock(START_NS + 80 * SECOND_NS)) as log:
         times = START_NS + np.arange(500) * 10**6 + 60 * SECOND_NS
@@ -379,9 +341,7 @@ def test_events_as_columns_are_those_one_by_one(tmp_path: Path) -> None:
 
 
 def test_a_name_that_one_log_has_twice_joins_nothing(tmp_path: Path) -> None:
-    """
-    Nobody knows which of the two is meant.
-    """
+    """Nobody knows which of the two is meant."""
     tug1, tug2 = two_robots(tmp_path)
     with sl.append(tug2, clock=SetClock(START_NS + 40 * SECOND_NS)) as log:
         again = DoorId(9)
@@ -402,9 +362,7 @@ def test_a_name_that_one_log_has_twice_joins_nothing(tmp_path: Path) -> None:
 def test_another_s_later_adding_wipes_no_state_and_brings_a_door_back(
     is_removed: bool, tmp_path: Path
 ) -> None:
-    """
-    Who adds a door that was there all the time knows nothing of its state.
-    """
+    """Who adds a door that was there all the time knows nothing of its state."""
     tug1, _ = two_robots(tmp_path)
     if is_removed:
         with sl.append(tug1, clock=SetClock(START_NS + 15 * SECOND_NS)) as log:
@@ -421,9 +379,7 @@ def test_another_s_later_adding_wipes_no_state_and_brings_a_door_back(
 def test_events_of_a_door_whose_adding_is_lost_are_no_other_door_s(
     tmp_path: Path, lost: int
 ) -> None:
-    """
-    Of a log that was damaged and recovered: in its own map there is no such door.
-    """
+    """Of a log that was damaged and recovered: in its own map there is no such door."""
     path, clock = tmp_path / "tug1", SetClock()
     with a_robot(path, clock=clock) as log:
         for x in (1.0, 2.0):
@@ -446,9 +402,7 @@ def test_events_of_a_door_whose_adding_is_lost_are_no_other_door_s(
 
 
 def test_one_log_alone_keeps_who_told_and_floor_maps_that_were_taken_back(tmp_path: Path) -> None:
-    """
-    Event by event; a sensor without a name is no sensor called as the robot.
-    """
+    """Event by event; a sensor without a name is no sensor called as the robot."""
     with a_robot(tmp_path / "tug1") as log:
         door = log.add_door(x=1.0, y=2.0, theta=0.0, width=0.9, name="front", actor="anna")
         cells = np.zeros((3, 4), np.int8)

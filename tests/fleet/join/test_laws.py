@@ -145,9 +145,7 @@ def answer(log: sl.DoorLog, at: int | None, known: int | None) -> dict[str, Any]
 @settings(max_examples=15, deadline=None)
 @given(fleets, st.integers(0, 40), st.integers(12, 40))
 def test_each_field_is_the_last_writer_s(fleet: list[Any], at: int, known: int) -> None:
-    """
-    At every moment, with all that is known and with what was known then.
-    """
+    """At every moment, with all that is known and with what was known then."""
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         told = robot_logs(folder, fleet)
@@ -163,9 +161,7 @@ def test_each_field_is_the_last_writer_s(fleet: list[Any], at: int, known: int) 
 @settings(max_examples=15, deadline=None)
 @given(fleets, st.randoms(use_true_random=False))
 def test_order_and_copies_mean_nothing(fleet: list[Any], random: Any) -> None:
-    """
-    Commutes, idempotent: the very same events, numbers and times.
-    """
+    """Commutes, idempotent: the very same events, numbers and times."""
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         told = robot_logs(folder, fleet)
@@ -180,9 +176,7 @@ def test_order_and_copies_mean_nothing(fleet: list[Any], random: Any) -> None:
 @settings(max_examples=10, deadline=None)
 @given(fleets.filter(lambda fleet: len(fleet) > 1), st.randoms(use_true_random=False))
 def test_joins_of_joins_are_the_join_of_all(fleet: list[Any], random: Any) -> None:
-    """
-    Associative, where all brackets name one reference: else the inner one's own is kept.
-    """
+    """Associative, where all brackets name one reference: else the inner one's own is kept."""
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         plain = [folder / robot for robot in robot_logs(folder, fleet)]
@@ -200,9 +194,7 @@ def test_joins_of_joins_are_the_join_of_all(fleet: list[Any], random: Any) -> No
 @settings(max_examples=15, deadline=None)
 @given(robots)
 def test_one_log_alone_is_itself(robot: Any) -> None:
-    """
-    Its doors, numbers and times.
-    """
+    """Its doors, numbers and times."""
     with tempfile.TemporaryDirectory() as made:
         robot_logs(Path(made), [robot])
 

@@ -55,9 +55,7 @@ EVERY_MINUTE = [(60 * i, "open") for i in range(50)]
 def test_a_join_begins_after_what_cannot_be_known(
     tmp_path: Path, second: int, state: str, *, is_conflict: bool
 ) -> None:
-    """
-    Only where the other log saw another state between sightings of which the next is gone.
-    """
+    """Only where the other log saw another state between sightings of which the next is gone."""
     one, two = watched(tmp_path / "one", EVERY_MINUTE), watched(tmp_path / "two", [(second, state)])
     whole, trimmed = joined(one, two), joined(thinned(one), two)
 
@@ -71,9 +69,7 @@ def test_a_join_begins_after_what_cannot_be_known(
 
 @pytest.mark.parametrize("seed", range(8))
 def test_no_answer_of_a_join_is_another(tmp_path: Path, seed: int) -> None:
-    """
-    Random looks of two robots, one or both thinned: at what had happened and what was known.
-    """
+    """Random looks of two robots, one or both thinned: at what had happened and what was known."""
     draw = random.Random(seed)
     logs = []
     for name in ("one", "two"):

@@ -34,11 +34,11 @@ from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
 from tests.analysis.scans.some_scans import LINE, seen_visit
 from tests.analysis.scans.some_visits import START_NS, S
-from tests.cli.test_verify import semmap
 from tests.interop.copies.holders import holders
 from tests.interop.formats.kept_scans.torn import chunks_at
 from tests.log.replay.projections import Texts
 from tests.log.trimming.logs import MinuteClock
+from tests.verbs import ran as semmap
 
 NAME, ACTOR, PLACE = "Zoe Quist", "anna.k", 1234.0625
 GOES = [NAME.encode(), ACTOR.encode(), struct.pack("<d", PLACE)]

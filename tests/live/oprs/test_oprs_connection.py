@@ -26,9 +26,7 @@ LONG_MS = 60_000
 def test_a_slow_server_costs_the_time_out_and_its_late_answer_nothing(
     start_stub: StartStub, start_server: StartServer
 ) -> None:
-    """
-    The connection goes with the question, so no answer meets another question.
-    """
+    """The connection goes with the question, so no answer meets another question."""
     late = threading.Event()
 
     def answer(line: bytes) -> bytes:
@@ -53,9 +51,7 @@ def test_a_slow_server_costs_the_time_out_and_its_late_answer_nothing(
 def test_signals_do_not_prolong_the_time_out(
     start_stub: StartStub, start_server: StartServer
 ) -> None:
-    """
-    A timer that interrupts the wait twenty times: started anew each time, it never ended.
-    """
+    """A timer that interrupts the wait twenty times: started anew each time, it never ended."""
     server = start_server(lambda _line: HANG)
     stub = start_stub(server.address, {"STUB_TICK_MS": "10"}, timeout_ms=200)
 
@@ -63,9 +59,7 @@ def test_signals_do_not_prolong_the_time_out(
 
 
 def test_signals_do_not_shorten_it(start_stub: StartStub, start_server: StartServer) -> None:
-    """
-    An interrupted wait, read or write is gone on with.
-    """
+    """An interrupted wait, read or write is gone on with."""
 
     def answer(line: bytes) -> bytes:
         time.sleep(0.05)
@@ -86,9 +80,7 @@ def test_signals_do_not_shorten_it(start_stub: StartStub, start_server: StartSer
 def test_what_is_no_line_is_nil(
     start_stub: StartStub, start_server: StartServer, broken: bytes
 ) -> None:
-    """
-    And the next question, over a new connection, has its own answer.
-    """
+    """And the next question, over a new connection, has its own answer."""
     server = start_server(lambda line: broken if b"DOOR_1" in line else b"T\n")
     stub = start_stub(server.address, timeout_ms=LONG_MS)
 
@@ -96,9 +88,7 @@ def test_what_is_no_line_is_nil(
 
 
 def test_half_a_line_and_then_silence(start_stub: StartStub, start_server: StartServer) -> None:
-    """
-    It is no answer, also if what is there looks like one.
-    """
+    """It is no answer, also if what is there looks like one."""
     server = start_server(lambda _line: b"T")
     stub = start_stub(server.address, timeout_ms=100)
 
@@ -106,9 +96,7 @@ def test_half_a_line_and_then_silence(start_stub: StartStub, start_server: Start
 
 
 def test_the_longest_line_is_taken(start_stub: StartStub, start_server: StartServer) -> None:
-    """
-    64 KiB with its newline, to and fro.
-    """
+    """64 KiB with its newline, to and fro."""
     text = "a" * (65_536 - len('WHY ""\n'))
     server = start_server(lambda line: line.partition(b" ")[2].ljust(65_535) + b"\n")
     stub = start_stub(server.address, timeout_ms=LONG_MS)
@@ -121,9 +109,7 @@ def test_the_longest_line_is_taken(start_stub: StartStub, start_server: StartSer
 def test_a_connection_that_is_lost_is_made_once_more(
     start_stub: StartStub, start_server: StartServer, half: tuple[bytes, ...]
 ) -> None:
-    """
-    With the same question, and for an action with the same id: it may have been stored.
-    """
+    """With the same question, and for an action with the same id: it may have been stored."""
     answers: list[Answer] = [half, b"T\n", half, b"T\n", half, half]
     server = start_server(lambda _line: answers[len(server.lines) - 1])
     stub = start_stub(server.address, timeout_ms=LONG_MS)
@@ -140,9 +126,7 @@ def test_a_connection_that_is_lost_is_made_once_more(
 def test_a_server_that_speaks_unasked_is_not_believed(
     start_stub: StartStub, start_server: StartServer
 ) -> None:
-    """
-    What lies there before the question is no answer to it.
-    """
+    """What lies there before the question is no answer to it."""
     server = start_server(lambda line: b"T\n" if b"DOOR_1" in line else b"NIL\n")
     stub = start_stub(server.address)
     assert "TRUE" == stub.call("DOOR_OPEN DOOR_1")
@@ -154,9 +138,7 @@ def test_a_server_that_speaks_unasked_is_not_believed(
 
 
 def test_a_server_that_comes_back_is_asked_again(start_stub: StartStub, tmp_path: Path) -> None:
-    """
-    Nobody there: NIL at once, however long the time-out. It is said once, and that it is over.
-    """
+    """Nobody there: NIL at once, however long the time-out."""
     stub = start_stub(f"unix:{tmp_path}/doors", timeout_ms=LONG_MS)
     assert ["FALSE", "FALSE"] == [stub.call("DOOR_OPEN DOOR_1") for _ in range(2)]
 
@@ -171,9 +153,7 @@ def test_a_server_that_comes_back_is_asked_again(start_stub: StartStub, tmp_path
 
 
 def test_a_frozen_server(start_stub: StartStub, tmp_path: Path) -> None:
-    """
-    SIGSTOP: its socket still takes connections. With SIGCONT it answers again.
-    """
+    """SIGSTOP: its socket still takes connections. With SIGCONT it answers again."""
     program = Path(__file__).parent / "door_server.py"
     command = [sys.executable, program, f"unix:{tmp_path}/doors", tmp_path / "journal"]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as server:
@@ -193,9 +173,7 @@ def test_a_frozen_server(start_stub: StartStub, tmp_path: Path) -> None:
 
 
 def test_a_queue_that_is_full(start_stub: StartStub, tmp_path: Path) -> None:
-    """
-    Nobody accepts: connecting has the same time-out as asking.
-    """
+    """Nobody accepts: connecting has the same time-out as asking."""
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(tmp_path / "doors"))
         listener.listen(0)
@@ -213,9 +191,7 @@ def test_a_queue_that_is_full(start_stub: StartStub, tmp_path: Path) -> None:
 
 
 def test_no_sigpipe(start_stub: StartStub, tmp_path: Path) -> None:
-    """
-    The server closes while a long question is written: its default action would end the kernel.
-    """
+    """The server closes while a long question is written."""
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(tmp_path / "doors"))
         listener.listen(16)
@@ -232,9 +208,7 @@ def test_no_sigpipe(start_stub: StartStub, tmp_path: Path) -> None:
 
 
 def test_a_server_that_reads_no_more_ends_no_kernel(start_stub: StartStub, tmp_path: Path) -> None:
-    """
-    Where the first byte of a question cannot be written, it is sent over a new connection.
-    """
+    """Where the first byte of a question cannot be written, it is sent over a new connection."""
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(tmp_path / "doors"))
         listener.listen(16)
@@ -258,9 +232,7 @@ def test_a_server_that_reads_no_more_ends_no_kernel(start_stub: StartStub, tmp_p
 def test_ten_thousand_questions_and_many_connections_leave_no_file_open(
     start_stub: StartStub, start_server: StartServer
 ) -> None:
-    """
-    As many descriptors as before.
-    """
+    """As many descriptors as before."""
     server = start_server(lambda line: (b"T\n",) if b"WHY" in line else b"T\n")
     stub = start_stub(server.address, timeout_ms=LONG_MS)
     stub.call("DOOR_OPEN DOOR_1")
@@ -282,9 +254,7 @@ def test_ten_thousand_questions_and_many_connections_leave_no_file_open(
 def test_a_standard_error_that_nobody_reads(
     start_stub: StartStub, start_server: StartServer
 ) -> None:
-    """
-    A pipe that is full: the kernel goes on, and the message is lost.
-    """
+    """A pipe that is full: the kernel goes on, and the message is lost."""
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     server = start_server(lambda _line: b"T\n")
@@ -338,9 +308,7 @@ def test_an_action_that_had_no_answer_is_repeated_under_its_id(
 def test_the_last_64_such_actions_are_kept(
     start_stub: StartStub, start_server: StartServer
 ) -> None:
-    """
-    A plan that goes on to many doors while nothing is answered.
-    """
+    """A plan that goes on to many doors while nothing is answered."""
     server = start_server(lambda _line: b"T\n" if len(server.lines) > 2 * 65 else (b"",))
     stub = start_stub(server.address, timeout_ms=LONG_MS)
     for number in range(65):
@@ -359,9 +327,7 @@ def _ids(server: LineServer, action: str) -> list[bytes]:
 def test_what_was_answered_is_not_repeated(
     start_stub: StartStub, start_server: StartServer
 ) -> None:
-    """
-    NIL and ERROR are answers: the same action later is a new wish.
-    """
+    """NIL and ERROR are answers: the same action later is a new wish."""
     answers = iter([b"NIL\n", b'ERROR "disk full"\n'])
     server = start_server(lambda _line: next(answers, b"T\n"))
     stub = start_stub(server.address)
@@ -371,9 +337,7 @@ def test_what_was_answered_is_not_repeated(
 
 
 def test_tcp_with_a_token(start_stub: StartStub, tmp_path: Path) -> None:
-    """
-    The token is the first line of each connection, read from its file each time.
-    """
+    """The token is the first line of each connection, read from its file each time."""
     token = tmp_path / "token"
     with LineServer(lambda line: b"T\n" if b"bad" not in line else b"NIL\n") as server:
         stub = start_stub(server.address, {"SEMMAP_ASK_TOKEN_FILE": str(token)})
@@ -392,9 +356,7 @@ def test_tcp_with_a_token(start_stub: StartStub, tmp_path: Path) -> None:
 
 
 def test_an_address_can_be_given_later(start_stub: StartStub, start_server: StartServer) -> None:
-    """
-    By an action; without any, each question says what to do.
-    """
+    """By an action; without any, each question says what to do."""
     server = start_server(lambda _line: b"T\n")
     stub = start_stub(None)
 
@@ -423,9 +385,7 @@ def test_an_address_can_be_given_later(start_stub: StartStub, start_server: Star
     ],
 )
 def test_addresses_that_are_none(start_stub: StartStub, address: str, problem: str) -> None:
-    """
-    Said when the kernel starts, and at each question.
-    """
+    """Said when the kernel starts, and at each question."""
     stub = start_stub(None, {"SEMMAP_ASK": address})
 
     assert "FALSE" == stub.call("DOOR_OPEN DOOR_1")
@@ -436,9 +396,7 @@ def test_addresses_that_are_none(start_stub: StartStub, address: str, problem: s
 
 @pytest.mark.parametrize("host", ["localhost", "127.0.0.1"])
 def test_hosts(start_stub: StartStub, host: str) -> None:
-    """
-    The loopback device by both its names.
-    """
+    """The loopback device by both its names."""
     with LineServer(lambda _line: b"T\n") as server:
         stub = start_stub(server.address.replace("127.0.0.1", host))
         assert "TRUE" == stub.call("DOOR_OPEN DOOR_1")
@@ -448,9 +406,7 @@ def test_hosts(start_stub: StartStub, host: str) -> None:
 def test_time_outs_that_are_none(
     start_stub: StartStub, start_server: StartServer, timeout: str
 ) -> None:
-    """
-    The usual one stays.
-    """
+    """The usual one stays."""
     server = start_server(lambda _line: b"T\n")
     stub = start_stub(server.address, {"SEMMAP_ASK_TIMEOUT_MS": timeout})
 

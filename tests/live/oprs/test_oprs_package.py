@@ -6,20 +6,14 @@ import json
 import re
 import shutil
 import subprocess
-import sys
 from pathlib import Path
-from zipfile import ZipFile
 
 import pytest
 from build_oprs_module import main as build_main
 
-from semmap_log.cli import main
 from semmap_log.live.oprs.oprs_package import MADE
 from tests.live.oprs.building import MODULE, ROOT, STUB, compiler
-
-
-def _run(*arguments: object) -> None:
-    main(["oprs-package", *map(str, arguments)])
+from tests.verbs import run
 
 
 def _files(folder: Path) -> dict[str, bytes]:
@@ -31,11 +25,8 @@ def _files(folder: Path) -> dict[str, bytes]:
 
 
 def test_a_folder_gets_all_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Every file as it is here; and it says how to go on.
-    """
-    with pytest.raises(SystemExit, match=r"^0$"):
-        _run(tmp_path)
+    """Every file as it is here; and it says how to go on."""
+    assert 0 == run("oprs-package", tmp_path)
 
     assert _files(MODULE) == _files(tmp_path / MODULE.name)
     said = capsys.readouterr().err
@@ -44,48 +35,36 @@ def test_a_folder_gets_all_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_a_second_copy_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Also when it was built in between.
-    """
+    """Also when it was built in between."""
     for is_new in (True, False):
-        with pytest.raises(SystemExit, match=r"^0$"):
-            _run(tmp_path, "--json")
+        assert 0 == run("oprs-package", tmp_path, "--json")
         (tmp_path / MODULE.name / "semantic_map_oprs.so").touch()
         package = str(tmp_path / MODULE.name)
         assert {"package": package, "written": is_new} == json.loads(capsys.readouterr().out)
 
 
 def test_what_somebody_changed_stays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Plans are there to be changed; the first file that differs is named.
-    """
-    with pytest.raises(SystemExit, match=r"^0$"):
-        _run(tmp_path)
+    """Plans are there to be changed; the first file that differs is named."""
+    assert 0 == run("oprs-package", tmp_path)
     theirs = tmp_path / MODULE.name / "semantic_map.opf"
     theirs.write_text("theirs", encoding="utf-8")
 
-    with pytest.raises(SystemExit, match=r"^1$"):
-        _run(tmp_path)
+    assert 1 == run("oprs-package", tmp_path)
 
     assert "differs from this module (semantic_map.opf differs)" in capsys.readouterr().err
     assert "theirs" == theirs.read_text(encoding="utf-8")
 
 
 def test_a_folder_must_be_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    A misspelt path makes no folder.
-    """
-    with pytest.raises(SystemExit, match=r"^1$"):
-        _run(tmp_path / "robott")
+    """A misspelt path makes no folder."""
+    assert 1 == run("oprs-package", tmp_path / "robott")
 
     assert "no such folder; expected one to put semantic_map_oprs in" in capsys.readouterr().err
     assert [] == list(tmp_path.iterdir())
 
 
 def test_what_was_built_here_is_not_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    A module of this machine is of no use on another.
-    """
+    """A module of this machine is of no use on another."""
     package = tmp_path / "semmap_log" / "live" / "oprs" / MODULE.name
     shutil.copytree(MODULE, package)
     for name in ("client.o", "semantic_map_oprs.so", "semantic_map.inc"):
@@ -95,8 +74,7 @@ def test_what_was_built_here_is_not_copied(tmp_path: Path, monkeypatch: pytest.M
     )
 
     for _ in range(2):
-        with pytest.raises(SystemExit, match=r"^0$"):
-            _run(tmp_path)
+        assert 0 == run("oprs-package", tmp_path)
 
     assert not list((tmp_path / MODULE.name).glob("*.[os]*o"))
     assert _files(MODULE) == _files(tmp_path / MODULE.name)
@@ -104,15 +82,12 @@ def test_what_was_built_here_is_not_copied(tmp_path: Path, monkeypatch: pytest.M
 
 @pytest.mark.slow
 def test_make_builds_the_module(tmp_path: Path) -> None:
-    """
-    Also in a folder with a blank in its name; nothing but its init function is seen outside.
-    """
+    """Also in a folder with a blank in its name; nothing but its init function is seen outside."""
     if compiler() is None or shutil.which("make") is None:
         pytest.skip("no C compiler or no make here")
     folder = tmp_path / "my robot & I"
     folder.mkdir()
-    with pytest.raises(SystemExit, match=r"^0$"):
-        _run(folder)
+    assert 0 == run("oprs-package", folder)
     package = folder / MODULE.name
 
     missing = subprocess.run(["make", "-C", package], capture_output=True, text=True, check=False)
@@ -142,9 +117,7 @@ def test_make_builds_the_module(tmp_path: Path) -> None:
 
 
 def test_each_action_is_a_goal() -> None:
-    """
-    The module's actions and the plans that make them goals are the same.
-    """
+    """The module's actions and the plans that make them goals are the same."""
     source = (MODULE / "semantic_map_oprs.c").read_text(encoding="utf-8")
     table = source.partition("ACTIONS[] = {")[2].partition("};")[0]
     plans = (MODULE / "semantic_map.opf").read_text(encoding="utf-8")
@@ -155,9 +128,7 @@ def test_each_action_is_a_goal() -> None:
 
 
 def test_the_guide_names_all_that_is_declared() -> None:
-    """
-    And the numbers that the module says when it is loaded.
-    """
+    """And the numbers that the module says when it is loaded."""
     source = (MODULE / "semantic_map_oprs.c").read_text(encoding="utf-8")
     guide = (ROOT / "docs" / "guides" / "planners_oprs.md").read_text(encoding="utf-8")
     declared = set(re.findall(r'^    \{"([A-Z_]+)", \w+, ', source, re.MULTILINE))
@@ -171,9 +142,7 @@ def test_the_guide_names_all_that_is_declared() -> None:
 def test_the_tool_says_what_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    No variable; a folder that is not built.
-    """
+    """No variable; a folder that is not built."""
     monkeypatch.delenv("SEMMAP_OPRS", raising=False)
     assert 1 == build_main([str(tmp_path)])
     monkeypatch.setenv("SEMMAP_OPRS", str(tmp_path))
@@ -182,22 +151,3 @@ def test_the_tool_says_what_is_missing(
     said = capsys.readouterr().err
     assert "SEMMAP_OPRS is not set: it names the folder in which OpenPRS was built" in said
     assert f"SEMMAP_OPRS={tmp_path}: has no src/oprs" in said
-
-
-@pytest.mark.slow
-def test_all_of_it_is_in_the_wheel(tmp_path: Path) -> None:
-    """
-    A wheel as pip builds it from this checkout holds every file.
-    """
-    done = subprocess.run(
-        [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", tmp_path, ROOT],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    if done.returncode and "build dependencies" in done.stderr:
-        pytest.skip(f"what builds wheels cannot be had here: {done.stderr.strip()[-300:]}")
-    assert 0 == done.returncode, done.stderr
-
-    with ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
-        names = set(wheel.namelist())
-    prefix = MODULE.relative_to(ROOT)
-    assert {str(prefix / name) for name in _files(MODULE)} <= names

@@ -38,9 +38,7 @@ def _consulted(workshop: Workshop, *questions: str) -> list[str]:
 
 
 def test_the_twelve_from_a_plan(workshop: Workshop) -> None:
-    """
-    Predicates as tests, functions in them, actions as goals; what is refused fails its goal.
-    """
+    """Predicates as tests, functions in them, actions as goals; what is refused fails its goal."""
     workshop.serve()
 
     kernel = workshop.kernel("add (! (THE_TWELVE))")
@@ -58,9 +56,7 @@ def test_the_twelve_from_a_plan(workshop: Workshop) -> None:
 
 
 def test_predicates_and_functions_from_consult(workshop: Workshop) -> None:
-    """
-    What a person types at a kernel.
-    """
+    """What a person types at a kernel."""
     workshop.serve()
     questions = {
         "(DOOR_OPEN DOOR_1)": "(DOOR_OPEN DOOR_1)",
@@ -88,10 +84,7 @@ def test_predicates_and_functions_from_consult(workshop: Workshop) -> None:
 
 
 def test_variables(workshop: Workshop) -> None:
-    """
-    The thesis's function binds for good; the predicate's binding goes where the goal fails;
-    without an argument the door is the value.
-    """
+    """The thesis's function binds for good; the predicate's binding goes where the goal fails."""
     workshop.serve()
 
     kernel = workshop.kernel("add (! (VARIABLES))")
@@ -104,18 +97,14 @@ def test_variables(workshop: Workshop) -> None:
 
 
 def test_ten_thousand_questions(workshop: Workshop) -> None:
-    """
-    One plan asks them in a row.
-    """
+    """One plan asks them in a row."""
     workshop.serve()
 
     workshop.kernel("add (! (MANY 10000))").wait_for(r"^\(ASKED 10000\)")
 
 
 def test_two_kernels_at_once(workshop: Workshop) -> None:
-    """
-    Each sees what it stored itself; all is stored, once.
-    """
+    """Each sees what it stored itself; all is stored, once."""
     workshop.serve()
 
     kernels = [workshop.kernel(f"add (! (MANY_ACTIONS DOOR_{n} 100))") for n in (1, 2)]
@@ -126,9 +115,7 @@ def test_two_kernels_at_once(workshop: Workshop) -> None:
 
 
 def test_all_traces_on(workshop: Workshop) -> None:
-    """
-    Where the thesis's kernel always hung: questions and actions, 50 rounds, its output in a file.
-    """
+    """Where the thesis's kernel always hung."""
     workshop.serve()
     traces = [f"trace {trace} on" for trace in TRACES]
     traces += [f'trace {kind} opf "{PLANS}" on' for kind in ("text", "graphic")]
@@ -143,10 +130,7 @@ def test_all_traces_on(workshop: Workshop) -> None:
 
 @pytest.mark.parametrize("how", ["killed", "silent"])
 def test_an_action_without_an_answer_is_stored_once(workshop: Workshop, how: str) -> None:
-    """
-    The server is killed between storing and answering, or is silent until the time-out: the plan
-    gets NIL, goes on, and does it again when the map answers again.
-    """
+    """The server is killed between storing and answering, or is silent until the time-out."""
     first = workshop.serve("--hold", "1")
     kernel = workshop.kernel(
         "add (! (ONCE DOOR_3))", timeout_ms=60_000 if how == "killed" else 3000
@@ -166,9 +150,7 @@ def test_an_action_without_an_answer_is_stored_once(workshop: Workshop, how: str
 
 
 def test_a_plan_waits_for_a_door(workshop: Workshop) -> None:
-    """
-    By the kernel's own (^ ...): nothing else of the kernel waits meanwhile.
-    """
+    """By the kernel's own (^ ...): nothing else of the kernel waits meanwhile."""
     workshop.serve()
     waiting = workshop.kernel("add (! (WAIT_CLOSED DOOR_1))", "add (! (MANY_ACTIONS DOOR_2 20))")
     waiting.wait_for(r"^\(WAITS DOOR_1\)")
@@ -181,18 +163,14 @@ def test_a_plan_waits_for_a_door(workshop: Workshop) -> None:
 
 
 def test_a_map_that_is_not_there(workshop: Workshop) -> None:
-    """
-    Predicates are false, functions NIL; DOOR_MAP_ANSWERS tells that from a door that is closed.
-    """
+    """Predicates are false, functions NIL."""
     questions = ["(DOOR_OPEN DOOR_1)", "(DOOR_MAP_ANSWERS)", "(= NIL (GET_OPEN_DOOR))"]
 
     assert ["NULL", "NULL", questions[2]] == _consulted(workshop, *questions)
 
 
 def test_words_of_other_people_stay_words(workshop: Workshop) -> None:
-    """
-    A reason with quotes, a line's end and a kernel's command in it: printed, kept as a fact.
-    """
+    """A reason with quotes, a line's end and a kernel's command in it: printed, kept as a fact."""
     workshop.serve()
 
     kernel = workshop.kernel("add (! (WORDS))")
@@ -203,9 +181,7 @@ def test_words_of_other_people_stay_words(workshop: Workshop) -> None:
 
 
 def test_it_loads_without_a_warning(workshop: Workshop) -> None:
-    """
-    A kernel warns of each name that it has not heard of: among them nobody would find a failure.
-    """
+    """A kernel warns of each name that it has not heard of."""
     kernel = workshop.kernel()
     kernel.wait_for("^semantic_map_oprs is there")
 
@@ -215,9 +191,7 @@ def test_it_loads_without_a_warning(workshop: Workshop) -> None:
 
 
 def test_a_kernel_without_the_module_ends(workshop: Workshop) -> None:
-    """
-    It would take each door for not open: the include file lets it end, and say why.
-    """
+    """It would take each door for not open: the include file lets it end, and say why."""
     bad = workshop.folder / "bad.inc"
     text = workshop.oprs.include.read_text(encoding="utf-8")
     bad.write_text(text.replace('/semantic_map_oprs"', '/nothing"'), encoding="utf-8")
@@ -232,9 +206,7 @@ def test_a_kernel_without_the_module_ends(workshop: Workshop) -> None:
 def test_a_module_that_misses_a_function_of_the_kernel_is_refused(
     workshop: Workshop, tmp_path: Path
 ) -> None:
-    """
-    When it is loaded, not in the middle of a plan.
-    """
+    """When it is loaded, not in the middle of a plan."""
     source = tmp_path / "more.c"
     source.write_text(
         "void not_of_this_kernel(void);\nvoid semmap_more(void);\n"
@@ -253,9 +225,7 @@ def test_a_module_that_misses_a_function_of_the_kernel_is_refused(
 
 @pytest.mark.parametrize("fold", ["lower", "upper"])
 def test_a_kernel_that_folds_case_is_told(workshop: Workshop, fold: str) -> None:
-    """
-    It would ask for door_1, which no door is called.
-    """
+    """It would ask for door_1, which no door is called."""
     kernel = workshop.kernel("quit", fold=fold)
 
     kernel.process.wait(DEADLINE_S)
@@ -284,10 +254,7 @@ def test_the_plans_to_copy(workshop: Workshop) -> None:
 
 
 def test_words_stay_words_in_another_kernel(workshop: Workshop) -> None:
-    """
-    Reasons that one kernel sends to another, over a message passer in a network of their own; also
-    those that end with a backslash, behind which the next text would be read as terms.
-    """
+    """Reasons that one kernel sends to another, over a message passer in a network of their own."""
     try:
         network = NetworkNamespace.open()
     except NoNamespaceError as error:

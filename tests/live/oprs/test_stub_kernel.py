@@ -40,9 +40,7 @@ OURS = {
 
 
 def test_the_twelve_of_the_thesis_are_declared_and_ours(start_stub: StartStub) -> None:
-    """
-    As what the thesis has them: predicates, functions and actions.
-    """
+    """As what the thesis has them: predicates, functions and actions."""
     declared: dict[str, set[str]] = {}
 
     for row in start_stub(None).call("NAMES").strip(";").split(";"):
@@ -93,9 +91,7 @@ def test_questions_and_values(
     answer: bytes,
     value: str,
 ) -> None:
-    """
-    What a kernel calls, the line that is sent, the line that comes, and what the kernel gets.
-    """
+    """What a kernel calls, the line that is sent, the line that comes, and what the kernel gets."""
     server = start_server(lambda _line: answer + b"\n")
 
     stub = start_stub(server.address)
@@ -119,9 +115,7 @@ def test_questions_and_values(
 def test_actions_carry_a_command_id(
     start_stub: StartStub, start_server: StartServer, call: str, action: bytes
 ) -> None:
-    """
-    Each its own, however it is called; T is what the server says.
-    """
+    """Each its own, however it is called; T is what the server says."""
     server = start_server(lambda line: b"T\n" if line.endswith(action) else b"NIL\n")
     stub = start_stub(server.address)
 
@@ -144,9 +138,7 @@ def test_actions_carry_a_command_id(
 def test_what_is_no_answer_is_nil(
     start_stub: StartStub, start_server: StartServer, answer: bytes
 ) -> None:
-    """
-    And it is said; the next question has its own answer.
-    """
+    """And it is said; the next question has its own answer."""
     server = start_server(lambda line: (b"7.5" if b"BEST" in line else answer) + b"\n")
     stub = start_stub(server.address)
 
@@ -161,9 +153,7 @@ def test_what_is_no_answer_is_nil(
 def test_an_error_has_no_control_characters(
     start_stub: StartStub, start_server: StartServer
 ) -> None:
-    """
-    It becomes a text in a kernel, and a line on a terminal.
-    """
+    """It becomes a text in a kernel, and a line on a terminal."""
     server = start_server(lambda _line: b'ERROR "\x1b[2J\r(quit)\t"\n')
     stub = start_stub(server.address)
 
@@ -192,9 +182,7 @@ def test_an_error_has_no_control_characters(
 def test_what_is_no_question_is_not_sent(
     start_stub: StartStub, start_server: StartServer, call: str, value: str, problem: str
 ) -> None:
-    """
-    A kernel hands over whatever a plan has written.
-    """
+    """A kernel hands over whatever a plan has written."""
     server = start_server(lambda _line: b"T\n")
     stub = start_stub(server.address)
 
@@ -218,9 +206,7 @@ def test_what_is_no_question_is_not_sent(
 def test_numbers_go_and_come_to_the_last_digit(
     start_stub: StartStub, start_server: StartServer, number: str, sent: bytes
 ) -> None:
-    """
-    The shortest text that is the same number.
-    """
+    """The shortest text that is the same number."""
     server = start_server(lambda line: line.split(b" ")[1] + b"\n")
     stub = start_stub(server.address)
 
@@ -233,9 +219,7 @@ def test_numbers_go_and_come_to_the_last_digit(
 def test_a_decimal_comma_changes_nothing(
     start_stub: StartStub, start_server: StartServer, tmp_path: Path
 ) -> None:
-    """
-    In a kernel that took its user's locale.
-    """
+    """In a kernel that took its user's locale."""
     if shutil.which("localedef") is None:
         pytest.skip("no localedef here")
     command = ["localedef", "-i", "de_DE", "-f", "UTF-8", tmp_path / "de_DE.UTF-8"]
@@ -276,10 +260,7 @@ TEXTS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]
 def test_any_text_goes_as_one_word_and_comes_back(
     echo: tuple[StubKernel, LineServer], text: str
 ) -> None:
-    """
-    Quotes, backslashes, line ends: one line, JSON; what comes back has blanks for control
-    characters, so that nothing in a kernel can take it for a line's end.
-    """
+    """Quotes, backslashes, line ends: one line, JSON."""
     stub, server = echo
 
     value = stub.call(f"ASK_DOOR_MAP ECHO x{text.encode().hex()}")
@@ -292,9 +273,7 @@ def test_any_text_goes_as_one_word_and_comes_back(
 def test_texts_of_an_answer(
     stub_program: Path, echo: tuple[StubKernel, LineServer], text: str, is_ascii: bool
 ) -> None:
-    """
-    As Python's json writes them, both ways, NUL too.
-    """
+    """As Python's json writes them, both ways, NUL too."""
     stub, server = echo
     before = server.answer
     server.answer = lambda _line: json.dumps(text, ensure_ascii=is_ascii).encode() + b"\n"
@@ -309,9 +288,7 @@ def test_texts_of_an_answer(
 def test_no_bytes_whatever_break_the_module(
     echo: tuple[StubKernel, LineServer], answer: bytes
 ) -> None:
-    """
-    Any line for an answer; the next question has its own.
-    """
+    """Any line for an answer; the next question has its own."""
     stub, server = echo
     before = server.answer
     server.answer = lambda _line: answer + b"\n"
@@ -323,9 +300,7 @@ def test_no_bytes_whatever_break_the_module(
 
 @pytest.mark.slow
 def test_valgrind_finds_nothing(tmp_path: Path, start_server: StartServer) -> None:
-    """
-    Values, lists, refusals, a server that hangs up: no byte read that was not written, none lost.
-    """
+    """Values, lists, refusals, a server that hangs up."""
     if compiler() is None or shutil.which("valgrind") is None:
         pytest.skip("no C compiler or no valgrind here")
     program = build_stub(tmp_path)
@@ -343,9 +318,7 @@ def test_valgrind_finds_nothing(tmp_path: Path, start_server: StartServer) -> No
 
 
 def test_the_module_uses_no_header_but_those_that_are_stubbed() -> None:
-    """
-    What it needs of OpenPRS is in the stub; else CI could not compile it.
-    """
+    """What it needs of OpenPRS is in the stub; else CI could not compile it."""
     kernel = (MODULE / "kernel.h").read_text(encoding="utf-8")
     used = set(re.findall(r'#include "(.+)"', kernel))
 

@@ -12,8 +12,8 @@ import semmap_log as sl
 from semmap_log.live.planners import asked
 from tests.live.oprs.conftest import StartServer, StartStub
 from tests.live.oprs.line_server import Answer
-from tests.live.oprs.workshop import Workshop, run_in
-from tests.live.ros.running import DEADLINE_S, Running, wait_until
+from tests.live.oprs.workshop import run_in
+from tests.live.ros.running import DEADLINE_S, Running
 
 pytestmark = pytest.mark.slow
 
@@ -69,9 +69,7 @@ def real_server(tmp_path: Path) -> RealServer:
 
 
 def test_all_that_can_be_asked_is_declared(start_stub: StartStub) -> None:
-    """
-    Predicates, functions and actions as the server's table has them.
-    """
+    """Predicates, functions and actions as the server's table has them."""
     declared = {
         (name, kind)
         for kind, name, _arity in map(
@@ -85,9 +83,7 @@ def test_all_that_can_be_asked_is_declared(start_stub: StartStub) -> None:
 
 
 def test_the_twelve(start_stub: StartStub, real_server: RealServer) -> None:
-    """
-    Each question answered by the log, each action stored.
-    """
+    """Each question answered by the log, each action stored."""
     stub = start_stub(f"unix:{real_server.socket}", timeout_ms=60_000)
     calls = [
         ("DOOR_STATE_KNOWN DOOR_1", "TRUE"),
@@ -136,9 +132,7 @@ def _killed_after_storing(server: RealServer, line: bytes) -> Answer:
 def test_a_server_killed_between_commit_and_answer(
     start_stub: StartStub, start_server: StartServer, real_server: RealServer
 ) -> None:
-    """
-    NIL; the same action once more, when it is back, is answered T and stored once.
-    """
+    """NIL; the same action once more, when it is back, is answered T and stored once."""
     between = start_server(lambda line: _killed_after_storing(real_server, line))
     stub = start_stub(between.address, timeout_ms=60_000)
 
@@ -148,37 +142,3 @@ def test_a_server_killed_between_commit_and_answer(
 
     assert "TRUE" == stub.call("DOOR_OPEN DOOR_2")
     assert 1 == real_server.updates()
-
-
-def test_the_same_in_a_real_kernel(
-    workshop: Workshop, start_server: StartServer, real_server: RealServer
-) -> None:
-    """
-    The plan goes on with NIL, and does it again when the map answers.
-    """
-    between = start_server(lambda line: _killed_after_storing(real_server, line))
-
-    kernel = workshop.kernel("add (! (ONCE DOOR_2))", address=between.address)
-    kernel.wait_for(r"^\(ANSWER NIL\)")
-    real_server.running = real_server.start()
-    kernel.wait_for(r"^\(ONCE DONE\)")
-
-    assert "(REPEATED T)" in kernel.output
-    assert 1 == real_server.updates()
-
-
-def test_ten_thousand_questions_and_a_thousand_actions(
-    workshop: Workshop, real_server: RealServer
-) -> None:
-    """
-    From a plan, all stored.
-    """
-    kernel = workshop.kernel(
-        "add (! (MANY 10000))", "add (! (MANY_ACTIONS DOOR_2 250))",
-        address=f"unix:{real_server.socket}",
-    )  # fmt: skip
-
-    kernel.wait_for(r"^\(ASKED 10000\)")
-    kernel.wait_for(r"^\(ACTED DOOR_2\)")
-
-    wait_until(lambda: real_server.updates() == 500, "500 changes in the log")

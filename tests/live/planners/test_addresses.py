@@ -29,9 +29,7 @@ from tests.other_process import NOBODY, only_root, other_process
     ],
 )
 def test_addresses_are_read(text: str, address: object) -> None:
-    """
-    Read, and written alike.
-    """
+    """Read, and written alike."""
     assert address == read_address(text)
     assert text == str(address)
 
@@ -40,17 +38,13 @@ def test_addresses_are_read(text: str, address: object) -> None:
                                   "tcp:h:65536", "tcp:h:-1", "tcp:h:x", "/run/s", "udp:h:1",
                                   "tcp:h:99999999999", "tcp:h:²"])  # fmt: skip
 def test_what_is_no_address(text: str) -> None:
-    """
-    The message shows both forms.
-    """
+    """The message shows both forms."""
     with pytest.raises(AddressError, match=r"unix:/run/doors\.sock or tcp:127"):
         read_address(text)
 
 
 def test_the_file_is_for_its_owner_alone_and_goes_with_the_listener(tmp_path: Path) -> None:
-    """
-    Whatever the umask lets through.
-    """
+    """Whatever the umask lets through."""
     before = os.umask(0)
     try:
         listener = listen(UnixAddress(tmp_path / "s"))
@@ -63,9 +57,7 @@ def test_the_file_is_for_its_owner_alone_and_goes_with_the_listener(tmp_path: Pa
 
 
 def test_the_file_of_a_server_that_was_killed_is_replaced(tmp_path: Path) -> None:
-    """
-    Nobody listens at it any more.
-    """
+    """Nobody listens at it any more."""
     killed = socket.socket(socket.AF_UNIX)
     killed.bind(str(tmp_path / "s"))
     killed.listen()
@@ -78,9 +70,7 @@ def test_the_file_of_a_server_that_was_killed_is_replaced(tmp_path: Path) -> Non
 
 
 def test_a_server_that_listens_is_left_alone(tmp_path: Path) -> None:
-    """
-    Its file stays its own, also when it is too busy to let anybody in.
-    """
+    """Its file stays its own, also when it is too busy to let anybody in."""
     first = listen(UnixAddress(tmp_path / "s"))
     with pytest.raises(AddressError, match="another server listens there"):
         listen(UnixAddress(tmp_path / "s"))
@@ -90,9 +80,7 @@ def test_a_server_that_listens_is_left_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["file", "folder", "link", "fifo"])
 def test_what_is_no_socket_is_never_replaced(tmp_path: Path, kind: str) -> None:
-    """
-    Not even a link to a socket, or to nothing.
-    """
+    """Not even a link to a socket, or to nothing."""
     path = tmp_path / "s"
     make = {
         "file": lambda: path.write_text("precious"),
@@ -110,9 +98,7 @@ def test_what_is_no_socket_is_never_replaced(tmp_path: Path, kind: str) -> None:
 
 
 def test_a_file_that_another_has_put_there_is_not_removed(tmp_path: Path) -> None:
-    """
-    By whoever thought that we were gone.
-    """
+    """By whoever thought that we were gone."""
     listener = listen(UnixAddress(tmp_path / "s"))
     (tmp_path / "s").unlink()
     (tmp_path / "s").write_text("another's")
@@ -123,9 +109,7 @@ def test_a_file_that_another_has_put_there_is_not_removed(tmp_path: Path) -> Non
 
 
 def test_two_servers_that_start_at_once(tmp_path: Path) -> None:
-    """
-    Over what a killed one left, again and again: one listens, and the other says why not.
-    """
+    """Over what a killed one left, again and again: one listens, and the other says why not."""
     for _ in range(30):
         killed = socket.socket(socket.AF_UNIX)
         killed.bind(str(tmp_path / "s"))
@@ -163,17 +147,13 @@ def test_two_servers_that_start_at_once(tmp_path: Path) -> None:
     ],
 )
 def test_where_nobody_can_or_may_listen(address: str, problem: str) -> None:
-    """
-    The message says why, and what to do.
-    """
+    """The message says why, and what to do."""
     with pytest.raises(AddressError, match=problem):
         listen(read_address(address))
 
 
 def test_other_hosts_may_ask_where_that_was_said() -> None:
-    """
-    On a port that is free; the address tells which.
-    """
+    """On a port that is free; the address tells which."""
     listener = listen(read_address("tcp:0.0.0.0:0"), any_host=True)
 
     assert isinstance(listener.address, TcpAddress)
@@ -182,9 +162,6 @@ def test_other_hosts_may_ask_where_that_was_said() -> None:
 
 
 def test_a_port_that_is_taken() -> None:
-    """
-    By whoever.
-    """
     first = listen(read_address("tcp:127.0.0.1:0"))
     with pytest.raises(AddressError, match="Address already in use"):
         listen(first.address)
@@ -194,9 +171,7 @@ def test_a_port_that_is_taken() -> None:
 def test_a_file_that_has_taken_its_place_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Closed twice: meanwhile another listens, and its file has the number that ours had.
-    """
+    """Closed twice: meanwhile another listens, and its file has the number that ours had."""
     monkeypatch.setattr(addresses, "_file_id", lambda _: (1, 1))
     first = listen(UnixAddress(tmp_path / "s"))
     first.close()
@@ -210,9 +185,7 @@ def test_a_file_that_has_taken_its_place_stays(
 
 
 def test_a_folder_that_stays_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Such as the log's own, which its writer locks: refused, not waited for without end.
-    """
+    """Such as the log's own, which its writer locks: refused, not waited for without end."""
     monkeypatch.setattr(addresses, "LOCKED_S", 0.05)
     with (
         sl.create(tmp_path / "log", tz="UTC"),
@@ -227,9 +200,7 @@ def test_a_folder_that_stays_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_a_folder_that_a_stranger_has_locked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Who may only read it makes no socket there, so their lock keeps nobody out of it.
-    """
+    """Who may only read it makes no socket there, so their lock keeps nobody out of it."""
     monkeypatch.setattr(addresses, "LOCKED_S", 0.0)
     tmp_path.chmod(0o755)
 
@@ -247,9 +218,7 @@ def test_a_folder_that_a_stranger_has_locked(
 
 @pytest.mark.parametrize("host", ["a" * 64, ".x", "x..y"])
 def test_a_name_that_no_host_can_have(host: str) -> None:
-    """
-    Neither to ask nor to listen at.
-    """
+    """Neither to ask nor to listen at."""
     address = TcpAddress(host, 1)
 
     with pytest.raises(AddressError, match="no server answers there: no host can have such a name"):

@@ -27,10 +27,7 @@ def _answers(ask: Asker, *names: str) -> dict[str, str]:
 
 
 def test_predicates_of_each_state(ask: Asker) -> None:
-    """
-    OPEN, CLOSED, UNKNOWN, MOVING, OFFLINE, and a door that is not there: moving and offline are
-    known, and neither open nor closed.
-    """
+    """OPEN, CLOSED, UNKNOWN, MOVING, OFFLINE, and a door that is not there."""
     assert {
         "DOOR_STATE_KNOWN": "TTNTTN",
         "DOOR_OPEN": "TNNNNN",
@@ -39,9 +36,7 @@ def test_predicates_of_each_state(ask: Asker) -> None:
 
 
 def test_functions_of_a_door_that_is_not_there(ask: Asker) -> None:
-    """
-    NIL, with the reason in JSON; a predicate is false.
-    """
+    """NIL, with the reason in JSON; a predicate is false."""
     for name in ("PROBABILITY_DOOR_OPEN", "PROBABILITY_DOOR_CLOSED", "DOOR_STATE", "WHY",
                  "BEST_TIME"):  # fmt: skip
         assert {"answer": None, "reason": "no door DOOR_9 is in the map."} == ask.json(name, 9)
@@ -52,9 +47,7 @@ def test_functions_of_a_door_that_is_not_there(ask: Asker) -> None:
 
 
 def test_a_probability_that_was_never_set(ask: Asker) -> None:
-    """
-    NIL; once it is set, the number to the last digit.
-    """
+    """NIL; once it is set, the number to the last digit."""
     assert {"answer": None, "reason": "it has none."} == ask.json("PROBABILITY_DOOR_OPEN", 1)
 
     assert ask("SET_OPEN_PROBABILITY DOOR_1 0.1000000000000000055") == "T"
@@ -65,9 +58,7 @@ def test_a_probability_that_was_never_set(ask: Asker) -> None:
 
 
 def test_any_door_in_a_state_is_the_one_with_the_lowest_id(ask: Asker) -> None:
-    """
-    NIL where there is none.
-    """
+    """NIL where there is none."""
     assert ("DOOR_1", "DOOR_2") == (ask("GET_OPEN_DOOR"), ask("GET_CLOSED_DOOR"))
 
     ask("SET_DOOR_CLOSED DOOR_1")
@@ -76,9 +67,7 @@ def test_any_door_in_a_state_is_the_one_with_the_lowest_id(ask: Asker) -> None:
 
 
 def test_doors_in_a_state_or_in_any(ask: Asker) -> None:
-    """
-    Ids ascending; each state finds its own.
-    """
+    """Ids ascending; each state finds its own."""
     assert ask("DOORS") == "(DOOR_1 DOOR_2 DOOR_3 DOOR_4 DOOR_5)"
     assert ["(DOOR_1)", "(DOOR_2)", "(DOOR_3)", "(DOOR_4)", "(DOOR_5)"] == [
         ask(f"DOORS {state}") for state in ("OPEN", "CLOSED", "UNKNOWN", "MOVING", "OFFLINE")
@@ -111,18 +100,14 @@ def test_doors_in_a_state_or_in_any(ask: Asker) -> None:
     ],
 )
 def test_what_a_door_is_called(ask: Asker, word: str, door: int | None) -> None:
-    """
-    By its id, by its name, or as on the command line; another spelling of a number is none.
-    """
+    """By its id, by its name, or as on the command line; another spelling of a number is none."""
     expected = {1: "OPEN", 2: "CLOSED", 3: "UNKNOWN", 4: "MOVING", 5: "OFFLINE"}
 
     assert ("NIL" if door is None else expected[door]) == ask(f"DOOR_STATE {word}")
 
 
 def test_a_name_that_looks_like_an_id_means_the_id(path: Path, clock: SteadyClock) -> None:
-    """
-    Whatever doors are called, DOOR_2 is the door with the id 2.
-    """
+    """Whatever doors are called, DOOR_2 is the door with the id 2."""
     with sl.append(path, clock=clock) as log:
         log.annotate(1, "name", "2")
         log.annotate(4, "name", "DOOR_5")
@@ -135,9 +120,7 @@ def test_a_name_that_looks_like_an_id_means_the_id(path: Path, clock: SteadyCloc
 
 
 def test_a_name_that_two_doors_share_means_neither(path: Path, clock: SteadyClock) -> None:
-    """
-    The reason says by which ids to ask; level/name tells them apart, too.
-    """
+    """The reason says by which ids to ask; level/name tells them apart, too."""
     with sl.append(path, clock=clock) as log:
         log.append([LevelAdded(level=0, name="ground"), LevelAdded(level=1, name="first")])
         log.add_door(name="main_door", level=1, state="closed")
@@ -160,9 +143,7 @@ def test_a_name_that_two_doors_share_means_neither(path: Path, clock: SteadyCloc
     "name", ["a\nb", 'q"q', "\u202eright to left", "tab\there", "é", "\x7f", "x\x1b[2J"]
 )
 def test_names_with_anything_in_them_are_found_and_break_no_line(ask: Asker, name: str) -> None:
-    """
-    Quoted as JSON; whoever set the state is told as it was written.
-    """
+    """Quoted as JSON; whoever set the state is told as it was written."""
     ask.doors.log.annotate(2, "name", name)
     ask.doors.log.observe(2, "open", actor=name, reason=name)
     ask.oracle.refresh()
@@ -175,9 +156,7 @@ def test_names_with_anything_in_them_are_found_and_break_no_line(ask: Asker, nam
 
 
 def test_actions_are_commits_that_say_who_wanted_them(ask: Asker) -> None:
-    """
-    One each, durable when it is answered; what the door is already needs none.
-    """
+    """One each, durable when it is answered; what the door is already needs none."""
     lines = ("SET_DOOR_OPEN DOOR_2", "SET_DOOR_CLOSED DOOR_main_door",
              "SET_OPEN_PROBABILITY DOOR_2 0.75", "SET_DOOR_OPEN DOOR_2",
              "SET_CLOSED_PROBABILITY DOOR_2 0", "REMOVE_DOOR DOOR_5")  # fmt: skip
@@ -209,9 +188,7 @@ def test_actions_are_commits_that_say_who_wanted_them(ask: Asker) -> None:
 def test_an_action_that_is_refused_is_nil_and_its_reason_is_told(
     ask: Asker, line: str, reason: str
 ) -> None:
-    """
-    In the server's log, and in JSON to who asked; nothing is stored.
-    """
+    """In the server's log, and in JSON to who asked; nothing is stored."""
     name, *words = line.split()
 
     assert ask(line) == "NIL"
@@ -221,9 +198,7 @@ def test_an_action_that_is_refused_is_nil_and_its_reason_is_told(
 
 
 def test_a_removed_door_is_gone_for_good(ask: Asker) -> None:
-    """
-    Removing it twice is NIL; with the command's id it is what it was the first time.
-    """
+    """Removing it twice is NIL; with the command's id it is what it was the first time."""
     assert ask("REMOVE_DOOR DOOR_1") == "T"
     assert ask("REMOVE_DOOR DOOR_1") == "NIL"
     assert ask("DOOR_STATE_KNOWN DOOR_1") == "NIL"
@@ -235,10 +210,7 @@ def test_a_removed_door_is_gone_for_good(ask: Asker) -> None:
 def test_a_command_sent_again_is_answered_as_the_first_time_and_done_once(
     ask: Asker, path: Path, clock: SteadyClock
 ) -> None:
-    """
-    After others have changed the door, under another name, after a restart, and though the first
-    changed nothing.
-    """
+    """After others have changed the door, under another name, after a restart."""
     line = f"{ID} SET_DOOR_OPEN DOOR_main_door"
     first = ask(line)
     ask("SET_DOOR_CLOSED DOOR_1")
@@ -255,9 +227,7 @@ def test_a_command_sent_again_is_answered_as_the_first_time_and_done_once(
 
 
 def test_an_id_that_was_another_command_is_refused(ask: Asker) -> None:
-    """
-    Nothing is done in its name.
-    """
+    """Nothing is done in its name."""
     ask(f"{ID} SET_OPEN_PROBABILITY DOOR_1 0.5")
 
     for other in ("SET_OPEN_PROBABILITY DOOR_1 0.6", "SET_OPEN_PROBABILITY DOOR_2 0.5",
@@ -268,9 +238,7 @@ def test_an_id_that_was_another_command_is_refused(ask: Asker) -> None:
 
 
 def test_an_action_counts_though_the_clock_went_back(ask: Asker, clock: SteadyClock) -> None:
-    """
-    What is answered with T is what is true then.
-    """
+    """What is answered with T is what is true then."""
     ask.doors.log.observe(1, "open", at=ask.doors.log.now_ns() - 1)
     clock.now_ns -= 3600 * 10**9
 
@@ -279,9 +247,7 @@ def test_an_action_counts_though_the_clock_went_back(ask: Asker, clock: SteadyCl
 
 
 def test_what_was_true_and_what_was_believed(ask: Asker) -> None:
-    """
-    A door was seen closed at noon, and that was told an hour later.
-    """
+    """A door was seen closed at noon, and that was told an hour later."""
     log = ask.doors.log
     noon_ns = log.now_ns()
     ask.doors.log._writer.clock.now_ns += 3600 * 10**9
@@ -303,16 +269,12 @@ def test_what_was_true_and_what_was_believed(ask: Asker) -> None:
                                   "BELIEVED DOORS AT 25:00", "PROBABILITY_DOOR_OPEN DOOR_1 AT x",
                                   "NEXT_DOOR DOOR_1 AT x", "HELP DOOR_AJAR"])  # fmt: skip
 def test_a_moment_or_a_name_that_is_none_is_an_error(ask: Asker, line: str) -> None:
-    """
-    It is not NIL: the question was wrong.
-    """
+    """It is not NIL: the question was wrong."""
     assert ask(line).startswith('ERROR "')
 
 
 def test_a_time_that_is_none(ask: Asker) -> None:
-    """
-    The error tells the question's form: what was no time may have been meant as something else.
-    """
+    """The error tells the question's form."""
     for question in ("DOORS OPN", "DOOR_CLOSED DOOR_main door", "PROBABILITY_DOOR_OPEN 1 AT noon"):
         said = ask(question)
 
@@ -321,9 +283,7 @@ def test_a_time_that_is_none(ask: Asker) -> None:
 
 
 def test_why_names_what_set_the_state(ask: Asker, clock: SteadyClock) -> None:
-    """
-    Not what came later and set something else; of the past, what set it then.
-    """
+    """Not what came later and set something else; of the past, what set it then."""
     log = ask.doors.log
     log.observe(2, "open", actor="tinyRobot1", source="door_camera", reason="round 3")
     log.annotate(2, "kind", "hinged")
@@ -341,9 +301,7 @@ def test_why_names_what_set_the_state(ask: Asker, clock: SteadyClock) -> None:
 
 
 def test_why_knows_what_was_taken_back_and_since_when(ask: Asker) -> None:
-    """
-    A wrong sighting that was retracted is the reason only for who asks what was believed.
-    """
+    """A wrong sighting that was retracted is the reason only for who asks what was believed."""
     log = ask.doors.log
     log.observe(2, "open")
     log.retract(9)
@@ -356,9 +314,7 @@ def test_why_knows_what_was_taken_back_and_since_when(ask: Asker) -> None:
 
 
 def test_why_of_several_words_of_one_moment(ask: Asker) -> None:
-    """
-    The last of them counts, of those that stand and were known.
-    """
+    """The last of them counts, of those that stand and were known."""
     log = ask.doors.log
     then_ns = log.now_ns()
     for state in ("open", "closed", "moving"):
@@ -372,9 +328,7 @@ def test_why_of_several_words_of_one_moment(ask: Asker) -> None:
 
 
 def test_why_of_an_event_that_says_it_is_of_the_future(ask: Asker) -> None:
-    """
-    It counts from when it was recorded.
-    """
+    """It counts from when it was recorded."""
     log = ask.doors.log
     log.observe(2, "open", at=log.now_ns() + 10**15, actor="fast clock")
     ask.oracle.refresh()
@@ -383,9 +337,7 @@ def test_why_of_an_event_that_says_it_is_of_the_future(ask: Asker) -> None:
 
 
 def test_a_wait_ends_when_the_door_is_so(ask: Asker) -> None:
-    """
-    At once where it is already; not with a change of another door, or to another state.
-    """
+    """At once where it is already; not with a change of another door, or to another state."""
     said: list[str] = []
     waiting = threading.Thread(target=lambda: said.append(ask("WAIT_UNTIL DOOR_2 OPEN 100")))
 
@@ -404,9 +356,7 @@ def test_a_wait_ends_when_the_door_is_so(ask: Asker) -> None:
 
 
 def test_a_wait_in_vain(ask: Asker) -> None:
-    """
-    NIL when the time is over; and at once for a door that is not there, or leaves.
-    """
+    """NIL when the time is over; and at once for a door that is not there, or leaves."""
     said = ask.json("WAIT_UNTIL", 2, "OPEN", 0.01)
     unknown = ask.json("WAIT_UNTIL", 9, "OPEN", 100)
     answers: list[Answer] = []
@@ -420,9 +370,7 @@ def test_a_wait_in_vain(ask: Asker) -> None:
 
 
 def test_what_comes_between_the_look_and_the_wait_is_not_missed(ask: Asker) -> None:
-    """
-    The door opens just before the question waits.
-    """
+    """The door opens just before the question waits."""
     answers: list[Answer] = []
     add = ask.oracle._waits.add
 
@@ -437,9 +385,6 @@ def test_what_comes_between_the_look_and_the_wait_is_not_missed(ask: Asker) -> N
 
 
 def test_help_names_all_or_tells_of_one(ask: Asker) -> None:
-    """
-    By the table.
-    """
     assert ask.json("HELP", "WAIT_UNTIL")["answer"] == (
         "WAIT_UNTIL DOOR STATE SECONDS - predicate: it is in the state, now or before the "
         "seconds are over"
@@ -448,9 +393,7 @@ def test_help_names_all_or_tells_of_one(ask: Asker) -> None:
 
 
 def test_answers_of_the_past_are_remembered_until_something_changes(ask: Asker) -> None:
-    """
-    A late event changes what was true; memory has a bound.
-    """
+    """A late event changes what was true; memory has a bound."""
     log = ask.doors.log
     then_ns = log.now_ns() - 1
     first = ask.json("DOOR_STATE", 1, then_ns)
@@ -464,9 +407,7 @@ def test_answers_of_the_past_are_remembered_until_something_changes(ask: Asker) 
 
 
 def test_a_log_that_another_writes(path: Path, clock: SteadyClock) -> None:
-    """
-    Answers follow it, waits end with it, and nothing is set.
-    """
+    """Answers follow it, waits end with it, and nothing is set."""
     ask = Asker(path, is_read_only=True)
     answers: list[Answer] = []
     with sl.append(path, clock=clock) as log:
@@ -488,9 +429,7 @@ def test_a_log_that_another_writes(path: Path, clock: SteadyClock) -> None:
 
 
 def test_a_log_that_cannot_be_followed_any_more_gives_no_stale_answers(path: Path) -> None:
-    """
-    Damage is an error to every question, and to whoever runs the server.
-    """
+    """Damage is an error to every question, and to whoever runs the server."""
     ask = Asker(path, is_read_only=True)
     assert ask("DOOR_OPEN DOOR_1") == "T"
 
@@ -505,9 +444,7 @@ def test_a_log_that_cannot_be_followed_any_more_gives_no_stale_answers(path: Pat
 
 
 def test_an_update_says_only_what_it_sets(ask: Asker) -> None:
-    """
-    On the door's own level.
-    """
+    """On the door's own level."""
     ask("SET_OPEN_PROBABILITY DOOR_2 0.25")
 
     event = ask.doors.log.event(9).event
@@ -517,9 +454,7 @@ def test_an_update_says_only_what_it_sets(ask: Asker) -> None:
 
 
 def test_an_oracle_of_a_log_without_events(tmp_path: Path) -> None:
-    """
-    Every question has an answer.
-    """
+    """Every question has an answer."""
     sl.create(tmp_path / "empty", tz="UTC").close()
     ask = Asker(tmp_path / "empty")
 
@@ -532,10 +467,7 @@ def test_an_oracle_of_a_log_without_events(tmp_path: Path) -> None:
 
 
 def test_a_state_that_passed_between_two_looks(ask: Asker) -> None:
-    """
-    Opened and closed by two who came together: it was open. One that is told late, of a time
-    before, was not so now; and what nobody waits for is not looked up.
-    """
+    """Opened and closed by two who came together: it was open."""
     answers: list[Answer] = []
     log = ask.doors.log
     for door, state in (("DOOR_2", "OPEN"), ("DOOR_gate", "CLOSED")):
@@ -559,9 +491,7 @@ def test_a_state_that_passed_between_two_looks(ask: Asker) -> None:
 def test_a_log_that_cannot_be_read_between_two_looks(
     ask: Asker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The doors are known all the same; that something may be missed is said.
-    """
+    """The doors are known all the same; that something may be missed is said."""
 
     def fail(*_: object, **__: object) -> None:
         raise OSError("of a test")

@@ -77,9 +77,7 @@ def _asked(question: str, at: object, known_at: object) -> str:
 
 
 def test_the_states_that_the_recordings_ship_with(ask: Asker, name: str) -> None:
-    """
-    At each of their moments: what was true, what was believed, both, and after an event.
-    """
+    """At each of their moments: what was true, what was believed, both, and after an event."""
     moments: list[dict[str, Any]] = json.loads((RECORDINGS / f"{name}.expected.json").read_text())
     for moment in moments:
         doors = {
@@ -94,9 +92,7 @@ def test_the_states_that_the_recordings_ship_with(ask: Asker, name: str) -> None
 
 
 def test_random_moments(ask: Asker, name: str) -> None:
-    """
-    As `replay` has them: at, known at, and both.
-    """
+    """As `replay` has them: at, known at, and both."""
     dice, log = random.Random(7), sl.read(RECORDINGS / name)
     begin_ns = log.event(0).recorded_ns
 
@@ -115,10 +111,7 @@ def test_random_moments(ask: Asker, name: str) -> None:
 
 @pytest.mark.slow
 def test_what_is_likely(clinic: Asker) -> None:
-    """
-    As `probabilities` says: ahead by what is known now, within a day and beyond it; before, by
-    what was known then.
-    """
+    """As `probabilities` says: ahead by what is known now, within a day and beyond it."""
     dice, log = random.Random(11), sl.read(RECORDINGS / "clinic_week")
     now_ns = log.end_ns()
     times = [now_ns, *(now_ns + dice.randrange(60 * HOUR_NS) for _ in range(4)),
@@ -152,9 +145,7 @@ def test_what_is_likely(clinic: Asker) -> None:
 
 @pytest.mark.slow
 def test_when_to_go(clinic: Asker) -> None:
-    """
-    The likeliest of the hours that `best_time` names.
-    """
+    """The likeliest of the hours that `best_time` names."""
     log = sl.read(RECORDINGS / "clinic_week")
     for door, state in ((1, "OPEN"), (5, "OPEN"), (1, "CLOSED"), (13, "CLOSED")):
         hours = best_time(log, door, state.lower()).next_ones
@@ -169,9 +160,6 @@ def test_when_to_go(clinic: Asker) -> None:
 def test_a_door_that_is_named_often_is_looked_at_once(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    By whatever words.
-    """
     looked_at: list[int] = []
 
     def p_open(_: object, log: object, event: int, door: int, **times: int) -> tuple[float, bool]:
@@ -188,9 +176,7 @@ def test_a_door_that_is_named_often_is_looked_at_once(
 
 
 def test_nothing_is_learnt_twice(tmp_path: Path) -> None:
-    """
-    Two threads ask, and the one that saw less of the log comes second.
-    """
+    """Two threads ask, and the one that saw less of the log comes second."""
     learnt = LearntDoors()
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door(state="closed")
@@ -205,9 +191,7 @@ def test_nothing_is_learnt_twice(tmp_path: Path) -> None:
 
 
 def test_what_is_learnt_goes_on_with_the_log(tmp_path: Path) -> None:
-    """
-    As if it were learnt anew: after each event, a late one, a retraction.
-    """
+    """As if it were learnt anew: after each event, a late one, a retraction."""
     path = tmp_path / "log"
     with sl.create(path, tz="UTC") as log:
         doors = [log.add_door(name=f"d{i}", at="2026-03-01T00:00") for i in range(3)]

@@ -69,9 +69,7 @@ def _as_read(value: Any) -> Any:
 
 @given(values)
 def test_an_answer_is_one_visible_line_that_says_its_value(value: Any) -> None:
-    """
-    By a reader that knows nothing of the writer; numbers to the last digit.
-    """
+    """By a reader that knows nothing of the writer; numbers to the last digit."""
     text = text_of(value)
 
     assert text.isprintable()
@@ -80,9 +78,7 @@ def test_an_answer_is_one_visible_line_that_says_its_value(value: Any) -> None:
 
 @given(anything)
 def test_texts_of_others_are_one_visible_line_in_json_too(text: str) -> None:
-    """
-    Reasons, errors, and the id that a client gave.
-    """
+    """Reasons, errors, and the id that a client gave."""
     line = read_line(b'{"ask": "GET_OPEN_DOOR", "id": 1}')
 
     answered = write_answer(line, Answer(None, text)).decode()
@@ -99,9 +95,7 @@ def test_texts_of_others_are_one_visible_line_in_json_too(text: str) -> None:
 
 @given(st.lists(anything, min_size=1))
 def test_words_are_read_as_they_were_written(words: list[str]) -> None:
-    """
-    Whatever is in them; blanks between, one or many.
-    """
+    """Whatever is in them; blanks between, one or many."""
     line = "  \t ".join(map(as_word, words))
 
     assert line.replace("\t", "").isprintable()
@@ -111,9 +105,7 @@ def test_words_are_read_as_they_were_written(words: list[str]) -> None:
 
 @given(st.binary())
 def test_any_bytes_are_a_question_or_an_error_in_a_sentence(data: bytes) -> None:
-    """
-    Nothing else is raised, and the problem fits on a line.
-    """
+    """Nothing else is raised, and the problem fits on a line."""
     try:
         read_line(data)
     except LineError as error:
@@ -129,9 +121,7 @@ _WORDS = ["DOOR_OPEN", "WAIT_UNTIL", "BELIEVED", "AT", "DOOR_1", '"', '"a b"', "
     st.lists(st.sampled_from(_WORDS)).map(" ".join) | st.lists(st.sampled_from(_WORDS)).map("".join)
 )
 def test_lines_that_are_nearly_questions(text: str) -> None:
-    """
-    The same of lines that are made of what questions are made of.
-    """
+    """The same of lines that are made of what questions are made of."""
     try:
         read_line(text.encode())
     except LineError as error:
@@ -143,9 +133,7 @@ def test_lines_that_are_nearly_questions(text: str) -> None:
                         st.sampled_from(["ask", "args", "at", "known_at", "command_id", "id"])
                         | anything, inner), max_leaves=20))  # fmt: skip
 def test_any_json_is_a_question_or_an_error(value: Any) -> None:
-    """
-    Of every form, with the keys that count and others.
-    """
+    """Of every form, with the keys that count and others."""
     try:
         read_line(json.dumps(value).encode())
     except LineError as error:
@@ -209,9 +197,7 @@ def test_any_json_is_a_question_or_an_error(value: Any) -> None:
     ],
 )  # fmt: skip
 def test_a_line_that_is_no_question_says_why(line: bytes, problem: str) -> None:
-    """
-    Where, what was expected, what was got.
-    """
+    """Where, what was expected, what was got."""
     with pytest.raises(LineError) as refused:
         read_line(line)
 
@@ -220,9 +206,7 @@ def test_a_line_that_is_no_question_says_why(line: bytes, problem: str) -> None:
 
 
 def test_as_many_words_as_one_may_ask_by() -> None:
-    """
-    The doors of a large building; a command id is none of them.
-    """
+    """The doors of a large building; a command id is none of them."""
     doors = tuple(f"DOOR_{number}" for number in range(999))
     quoted = " ".join(f'"{door}"' for door in doors)
 
@@ -233,9 +217,7 @@ def test_as_many_words_as_one_may_ask_by() -> None:
 
 
 def test_an_error_in_json_has_the_id_of_its_question() -> None:
-    """
-    So that who asks many at a time knows which one it was.
-    """
+    """So that who asks many at a time knows which one it was."""
     with pytest.raises(LineError) as refused:
         read_line(b'{"id": {"n": 7}, "ask": "DOOR_AJAR"}')
 
@@ -254,9 +236,7 @@ def test_an_error_in_json_has_the_id_of_its_question() -> None:
     ],
 )  # fmt: skip
 def test_words_and_json_ask_the_same(text: str, asked: dict[str, Any]) -> None:
-    """
-    A door by its number, too; times as keys or behind the other words.
-    """
+    """A door by its number, too; times as keys or behind the other words."""
     of_words = read_line(text.encode())
     of_json = read_line(json.dumps({"ask": "DOOR_OPEN", **asked}).encode())
 
@@ -265,9 +245,7 @@ def test_words_and_json_ask_the_same(text: str, asked: dict[str, Any]) -> None:
 
 
 def test_an_action_in_json_has_the_id_of_its_words() -> None:
-    """
-    The same command in either form.
-    """
+    """The same command in either form."""
     words = f"#{bytes(range(16)).hex()} SET_OPEN_PROBABILITY DOOR_3 0.1"
 
     of_words, of_json = read_line(words.encode()), read_line(as_json_line(words).encode())
@@ -277,18 +255,14 @@ def test_an_action_in_json_has_the_id_of_its_words() -> None:
 
 
 def test_the_doors_of_next_door_may_be_a_list() -> None:
-    """
-    As a program has them.
-    """
+    """As a program has them."""
     asked = read_line(b'{"ask": "NEXT_DOOR", "args": [[1, "DOOR_2"], "AT", "now"]}').asked
 
     assert (("DOOR_1", "DOOR_2"), "now") == (asked.doors, asked.learnt_at)
 
 
 def test_numbers_are_exact() -> None:
-    """
-    Not %f: a probability that was set is the one that is answered.
-    """
+    """Not %f: a probability that was set is the one that is answered."""
     assert ["0.1", "1e-07", "0.30000000000000004"] == [
         text_of(value) for value in (0.1, 1e-7, 0.1 + 0.2)
     ]
@@ -296,8 +270,6 @@ def test_numbers_are_exact() -> None:
 
 
 def test_a_quoted_word_that_is_none_is_told_before_it_is_sent() -> None:
-    """
-    Where `ask --json` makes JSON of words.
-    """
+    """Where `ask --json` makes JSON of words."""
     with pytest.raises(QuestionError, match="quotes around"):
         as_json_line('DOOR_OPEN "DOOR_1')

@@ -26,9 +26,7 @@ THESIS = {
 
 
 def test_the_thesiss_are_there_to_the_letter() -> None:
-    """
-    Twelve names, what sort each is, and what it takes.
-    """
+    """Twelve names, what sort each is, and what it takes."""
     found = {
         each.name: (each.kind.value, " ".join(one.value for one in each.arguments))
         for each in QUESTIONS
@@ -39,17 +37,13 @@ def test_the_thesiss_are_there_to_the_letter() -> None:
 
 
 def test_each_name_is_there_once() -> None:
-    """
-    And what only looks at doors is one of them.
-    """
+    """And what only looks at doors is one of them."""
     assert len(QUESTIONS) == len(BY_NAME)
     assert set(STATE_QUESTIONS) < set(BY_NAME)
 
 
 def test_a_question_is_asked_as_its_form_says() -> None:
-    """
-    The words that the table wants are enough for each.
-    """
+    """The words that the table wants are enough for each."""
     words = {Type.DOOR: ["DOOR_1"], Type.DOORS: ["DOOR_1", "DOOR_2"], Type.STATE: ["OPEN"],
              Type.NUMBER: ["0.5"], Type.SECONDS: ["1"], Type.NAME: ["WHY"],
              Type.QUESTION: ["DOOR_OPEN", "DOOR_1"]}  # fmt: skip
@@ -62,18 +56,14 @@ def test_a_question_is_asked_as_its_form_says() -> None:
 
 
 def test_actions_are_what_sets_or_removes() -> None:
-    """
-    Nothing else is asked to be done.
-    """
+    """Nothing else is asked to be done."""
     actions = {each.name for each in QUESTIONS if each.kind is QuestionKind.ACTION}
 
     assert {name for name in BY_NAME if name.startswith(("SET_", "REMOVE_"))} == actions
 
 
 def test_the_guide_has_the_table() -> None:
-    """
-    Else: python -c 'from semmap_log.live.planners.asked import table; print(table())'.
-    """
+    """Else: python -c 'from semmap_log.live.planners.asked import table; print(table())'."""
     page = (ROOT / "docs" / "guides" / "planners.md").read_text(encoding="utf-8")
 
     assert table() in page

@@ -59,9 +59,7 @@ class Model:
 def test_a_planner_is_answered_as_by_a_dictionary(
     steps: list[tuple[str, int, float | None]],
 ) -> None:
-    """
-    After each action; at the end, of each moment before, by event; and by the next server.
-    """
+    """After each action; at the end, of each moment before, by event; and by the next server."""
     with tempfile.TemporaryDirectory() as folder:
         path, model = Path(folder) / "log", Model()
         with sl.create(path, tz="UTC", durability="none") as log:

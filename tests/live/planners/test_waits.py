@@ -19,9 +19,7 @@ def view(path: Path) -> DoorView:
 
 
 def test_a_wait_is_answered_once(view: DoorView) -> None:
-    """
-    By a change, by its time, or by the end: the first counts.
-    """
+    """By a change, by its time, or by the end: the first counts."""
     answers: list[Answer] = []
     waits, wait = Waits(), Wait("DOOR_1", DoorState.OPEN, answers.append)
     waits.add(wait)
@@ -34,9 +32,7 @@ def test_a_wait_is_answered_once(view: DoorView) -> None:
 
 
 def test_others_wait_on(view: DoorView) -> None:
-    """
-    Two that look alike are two.
-    """
+    """Two that look alike are two."""
     answers: list[Answer] = []
     waits = Waits()
     some = [Wait("DOOR_1", DoorState.CLOSED, answers.append) for _ in range(2)]

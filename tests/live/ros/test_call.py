@@ -54,10 +54,7 @@ def site(ros: RosWorld) -> Iterator[Site]:
 
 
 def test_a_door_is_added_changed_and_removed(site: Site) -> None:
-    """
-    Each call prints what was done, and changes what it names alone: a place that is given in part
-    is completed from the door map.
-    """
+    """Each call prints what was done, and changes what it names alone."""
     added = site.call("add", "--from", "1,2", "--to", "1,3", "--state", "closed",
                       "--prob-open", "0.25", "--prob-closed", "0.75")  # fmt: skip
     number = int(added.output)
@@ -77,9 +74,7 @@ def test_a_door_is_added_changed_and_removed(site: Site) -> None:
 
 
 def test_json_has_status_result_and_text(site: Site) -> None:
-    """
-    Of what was done, exit code 0, as of what was not, exit code 1.
-    """
+    """Of what was done, exit code 0, as of what was not, exit code 1."""
     saved = site.call("save", "doors.yaml", "--json")
     refused = site.call("remove", 4_000_000_000, "--json")
 
@@ -94,9 +89,7 @@ def test_json_has_status_result_and_text(site: Site) -> None:
 
 
 def test_what_cannot_be_is_told(site: Site) -> None:
-    """
-    A door that is not there, to be moved in part; and a server that is not there, by its name.
-    """
+    """A door that is not there, to be moved in part."""
     strange = site.call("update", 77, "--x", "1")
     nobody = site.call("remove", "1", "--server", "/nobody/remove", "--timeout", "0.5")
     vague = site.call("add", "--from", "1,2", "--to", "1,3")
@@ -109,10 +102,7 @@ def test_what_cannot_be_is_told(site: Site) -> None:
 
 
 def test_a_simulation_that_stands_still_delays_nothing(site: Site) -> None:
-    """
-    Where ROS's time does not go on, neither a server that is there is waited for, nor one that is
-    not.
-    """
+    """Where ROS's time does not go on, neither a server that is there is waited for."""
     set_time = site.world.version == 1
     if set_time:  # ROS 1: all nodes'; ROS 2: each node's own
         site.world.tool("rosparam", "set", "/use_sim_time", "true").finish()

@@ -19,9 +19,7 @@ from tests.live.ros.test_record_ros import _talking
 
 
 def test_each_door_is_a_commit_and_a_line_tells_it(tmp_path: Path) -> None:
-    """
-    The first click is answered, too, so that who clicks knows what is next.
-    """
+    """The first click is answered, too, so that who clicks knows what is next."""
     told: list[str] = []
 
     def during(node: MemoryNode) -> None:
@@ -43,9 +41,7 @@ def test_each_door_is_a_commit_and_a_line_tells_it(tmp_path: Path) -> None:
 
 
 def test_a_door_is_clicked_on_a_robot(ros: RosWorld, tmp_path: Path) -> None:
-    """
-    By a publisher of /clicked_point that is none of ours to the recorder.
-    """
+    """By a publisher of /clicked_point that is none of ours to the recorder."""
     office = tmp_path / "office"
     sl.create(office, tz="UTC").close()
 

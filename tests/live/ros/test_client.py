@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli import main
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.errors import CommandError, RosError, UnknownDoorError
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
@@ -29,6 +28,7 @@ from semmap_log.live.ros.serving.served_topics import (
     levels_of,
 )
 from tests.live.ros.collecting_node import CollectingNode
+from tests.verbs import Ran, Verb
 
 DOOR = DoorFields(x=1.0, y=2.0, theta=0.5, width=0.9, state=DoorState.CLOSED)
 
@@ -54,9 +54,7 @@ def _node(server: DoorServer, version: RosVersion = 2) -> CollectingNode:
 
 
 def test_a_place_that_is_given_in_part_is_completed(server: DoorServer) -> None:
-    """
-    From the map that the server publishes; what was given counts, nothing else is changed.
-    """
+    """From the map that the server publishes; what was given counts, nothing else is changed."""
     DoorClient(_node(server)).add(DOOR)
 
     parts = [DoorFields(x=-4.0), DoorFields(y=-5.0), DoorFields(theta=0.25)]
@@ -69,10 +67,7 @@ def test_a_place_that_is_given_in_part_is_completed(server: DoorServer) -> None:
 
 
 def test_what_is_not_given_is_not_set(server: DoorServer) -> None:
-    """
-    The goal's flags name what is given alone; a probability that is not is NaN to our server, which
-    is a door's first value; in an update, where the flags say it, no NaN is sent.
-    """
+    """The goal's flags name what is given alone."""
     node = _node(server)
     client = DoorClient(node)
     client.add(DOOR)
@@ -101,10 +96,7 @@ NO_DOOR = Outcome(succeeded=True, result={"door_id": 4})
 def test_a_server_of_others_is_never_sent_a_nan(
     given: dict[str, float], asked: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    It would keep it for a probability: what the goal cannot say is asked for. Ours is known by what
-    it publishes, also under other names.
-    """
+    """It would keep it for a probability: what the goal cannot say is asked for."""
     monkeypatch.setattr(client_module, "KNOWN_WITHIN_S", 0.05)
     node = CollectingNode()
     node.serve_action("", DEFAULTS["AddDoor"], lambda _: NO_DOOR)
@@ -123,9 +115,7 @@ def test_a_server_of_others_is_never_sent_a_nan(
 
 
 def test_without_a_server_it_is_not_known_whose_it_is() -> None:
-    """
-    An error in time, and nothing is sent to one that comes later.
-    """
+    """An error in time, and nothing is sent to one that comes later."""
     node = CollectingNode()
 
     with pytest.raises(RosError, match=r"no action server lta_semantic_map/add_door was found"):
@@ -133,9 +123,7 @@ def test_without_a_server_it_is_not_known_whose_it_is() -> None:
 
 
 def test_the_same_call_twice_is_two_goals(server: DoorServer) -> None:
-    """
-    Each has an id of its own: a person who adds two doors alike has two.
-    """
+    """Each has an id of its own: a person who adds two doors alike has two."""
     client = DoorClient(_node(server))
 
     ids = [client.add(DOOR).result["door_id"] for _ in range(2)]
@@ -144,9 +132,7 @@ def test_the_same_call_twice_is_two_goals(server: DoorServer) -> None:
 
 
 def test_a_door_that_is_not_in_the_map_cannot_be_moved_in_part(server: DoorServer) -> None:
-    """
-    Said by the client: it has nothing to complete the place from.
-    """
+    """Said by the client: it has nothing to complete the place from."""
     client = DoorClient(_node(server))
     client.add(DOOR)
 
@@ -155,9 +141,7 @@ def test_a_door_that_is_not_in_the_map_cannot_be_moved_in_part(server: DoorServe
 
 
 def test_without_a_map_a_place_in_part_is_an_error() -> None:
-    """
-    In time, with what would do without.
-    """
+    """In time, with what would do without."""
     node = CollectingNode()
 
     with pytest.raises(RosError, match=r"no door map came on .* within 0\.05 s"):
@@ -168,21 +152,15 @@ def test_without_a_map_a_place_in_part_is_an_error() -> None:
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_why_a_goal_was_aborted_is_told(server: DoorServer, version: RosVersion) -> None:
-    """
-    In ROS 1 by the result; in ROS 2 by the line of /rosout that names this goal, not another.
-    """
+    """In ROS 1 by the result; in ROS 2 by the line of /rosout that names this goal, not another."""
     answer = DoorClient(_node(server, version)).remove(5)
 
     assert ("ABORTED", {"door_removed": False}) == (answer.status, answer.result)
     assert "door_id: door 5 is not in the map." == answer.text
 
 
-def test_who_does_not_say_why_is_not_waited_for_for_ever(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """
-    A server of others may log nothing.
-    """
+def test_who_does_not_say_why_is_not_waited_for_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A server of others may log nothing."""
     monkeypatch.setattr(client_module, "REASON_WITHIN_S", 0.05)
     node = CollectingNode()
     nothing = Outcome(succeeded=False, result={"door_removed": False})
@@ -194,9 +172,7 @@ def test_who_does_not_say_why_is_not_waited_for_for_ever(
 
 
 def test_another_servers_name_can_be_said(server: DoorServer) -> None:
-    """
-    In place of ours.
-    """
+    """In place of ours."""
     node = CollectingNode()
     node.serve_action("", "/doors/add", server.run)
 
@@ -206,13 +182,8 @@ def test_another_servers_name_can_be_said(server: DoorServer) -> None:
     assert {"door_id": 1} == answer.result
 
 
-Call = Callable[..., tuple[int, str, str]]
-
-
 @pytest.fixture
-def call(
-    server: DoorServer, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Call:
+def call(server: DoorServer, monkeypatch: pytest.MonkeyPatch, run_verb: Verb) -> Verb:
     """`call` as a person types it."""
     nodes: list[CollectingNode] = []
 
@@ -222,20 +193,16 @@ def call(
 
     monkeypatch.setattr(joining, "open_node", open_node)
 
-    def call(*words: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as stopped:
-            main(["call", *map(str, words)])
+    def call(*words: object) -> Ran:
+        done = run_verb("call", *words)
         assert nodes[-1].is_closed
-        captured = capsys.readouterr()
-        return int(stopped.value.code or 0), captured.out, captured.err
+        return done
 
     return call
 
 
-def test_what_was_done_is_printed(call: Call) -> None:
-    """
-    Exit code 0; the id of a new door alone, for a script.
-    """
+def test_what_was_done_is_printed(call: Verb) -> None:
+    """Exit code 0; the id of a new door alone, for a script."""
     added = call("add", "--ros2", "--from", "1,2", "--to", "1,3", "--state", "closed")
     updated = call("update", 1, "--ros2", "--x", "4")
     removed = call("remove", 1, "--ros1")
@@ -246,10 +213,8 @@ def test_what_was_done_is_printed(call: Call) -> None:
 
 
 @pytest.mark.parametrize("ros", ["--ros1", "--ros2"])
-def test_what_was_refused_is_exit_code_1(call: Call, ros: str) -> None:
-    """
-    With why, on standard error; as JSON, too.
-    """
+def test_what_was_refused_is_exit_code_1(call: Verb, ros: str) -> None:
+    """With why, on standard error; as JSON, too."""
     plain = call("remove", 5, ros)
     code, out, err = call("save", "/etc/doors.yaml", ros, "--json")
 
@@ -262,21 +227,16 @@ def test_what_was_refused_is_exit_code_1(call: Call, ros: str) -> None:
 
 
 def test_the_first_door_of_a_server_that_counts_from_0_is_done(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, run_verb: Verb
 ) -> None:
-    """
-    The id 0 is no refusal.
-    """
+    """The id 0 is no refusal."""
     node = CollectingNode(1)
     node.serve_action("", DEFAULTS["AddDoor"], lambda _: Outcome(True, {"door_id": 0}))
     monkeypatch.setattr(joining, "open_node", lambda *_: node)
 
     words = ["--from", "1,2", "--to", "1,3", "--prob-open", "0.5", "--prob-closed", "0.5"]
 
-    with pytest.raises(SystemExit) as stopped:
-        main(["call", "add", "--ros1", *words])
-
-    assert (None, "0\n") == (stopped.value.code or None, capsys.readouterr().out)
+    assert (0, "0\n") == run_verb("call", "add", "--ros1", *words)[:2]
 
 
 @pytest.mark.parametrize(
@@ -292,11 +252,9 @@ def test_servers_of_others_may_succeed_otherwise(
     text: str,
     printed: tuple[int, str, str],
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    run_verb: Verb,
 ) -> None:
-    """
-    With a result that says no, which is a failure; with a warning, which is none.
-    """
+    """With a result that says no, which is a failure; with a warning, which is none."""
 
     def run(_goal: Goal) -> Outcome:
         return Outcome(succeeded=True, result={"door_removed": is_done}, text=text)
@@ -305,9 +263,6 @@ def test_servers_of_others_may_succeed_otherwise(
     node.serve_action("", DEFAULTS["RemoveDoor"], run)
     monkeypatch.setattr(joining, "open_node", lambda *_: node)
 
-    with pytest.raises(SystemExit) as stopped:
-        main(["call", "remove", "5", "--ros1"])
+    code, out, err = run_verb("call", "remove", 5, "--ros1")
 
-    captured = capsys.readouterr()
-    said = captured.err.removeprefix("semmap-log: ")
-    assert printed == (stopped.value.code or 0, captured.out, said)
+    assert printed == (code, out, err.removeprefix("semmap-log: "))

@@ -10,7 +10,6 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.analysis.scans.visit import KeptVisit, folder_beside
-from semmap_log.cli import main
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.events import DoorObserved
 from semmap_log.errors import CommandError, FormatError, OutputError
@@ -25,6 +24,7 @@ from tests.interop.formats.bags.bags_of_others import Said, write_mcap
 from tests.interop.topics.laser_room import DOOR, LaserRoom, drives_by
 from tests.interop.topics.robots import START, S
 from tests.live.ros.memory_node import MemoryNode
+from tests.verbs import Refuses, run
 
 SCANS = ImportOptions(scan=ScanOptions())
 
@@ -72,9 +72,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_live_or_from_a_bag_the_same_is_kept(tmp_path: Path, bag: Path) -> None:
-    """
-    Visits with their scans, of which the log has the sightings.
-    """
+    """Visits with their scans, of which the log has the sightings."""
     live, imported = (_office(tmp_path / name) for name in ("live", "imported"))
     _record(live, drives_by(), [])
     with sl.append(imported) as log:
@@ -89,9 +87,7 @@ def test_live_or_from_a_bag_the_same_is_kept(tmp_path: Path, bag: Path) -> None:
 
 
 def test_what_was_imported_before_can_be_kept_later_and_once(tmp_path: Path, bag: Path) -> None:
-    """
-    The log has its sightings already; the scans of a visit are never there twice.
-    """
+    """The log has its sightings already; the scans of a visit are never there twice."""
     office = _office(tmp_path / "office")
     with sl.append(office) as log:
         import_file(log, bag, SCANS)
@@ -106,9 +102,7 @@ def test_what_was_imported_before_can_be_kept_later_and_once(tmp_path: Path, bag
 
 
 def test_an_import_that_is_refused_keeps_nothing(tmp_path: Path, bag: Path) -> None:
-    """
-    A bag cut in the middle; a bag of which no laser is read; what is no bag.
-    """
+    """A bag cut in the middle; a bag of which no laser is read; what is no bag."""
     office = _office(tmp_path / "office")
     (tmp_path / "cut.mcap").write_bytes(bag.read_bytes()[:-9000])
     (tmp_path / "doors.csv").write_text("timestamp,door,state\n", encoding="utf-8")
@@ -125,9 +119,7 @@ def test_an_import_that_is_refused_keeps_nothing(tmp_path: Path, bag: Path) -> N
 
 
 def test_an_import_that_breaks_off_keeps_nothing(tmp_path: Path) -> None:
-    """
-    Behind the first visit, before the bag is read to its end.
-    """
+    """Behind the first visit, before the bag is read to its end."""
     office, called = _office(tmp_path / "office"), list[bool]()
     drives = (LaserRoom(tf_hz=100.0, begins_s=60.0 * n) for n in range(2))
     write_mcap(tmp_path / "x.mcap", [said for drive in drives for said in drive.said()])
@@ -147,9 +139,7 @@ def test_an_import_that_breaks_off_keeps_nothing(tmp_path: Path) -> None:
 def test_a_recorder_goes_on_where_nothing_more_can_be_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    It is said once; every sighting is in the log, and what was kept stays readable.
-    """
+    """It is said once; every sighting is in the log, and what was kept stays readable."""
     office, heard = _office(tmp_path / "office"), list[str]()
     from semmap_log.interop.formats.kept_scans.writing import KeptScansWriter
 
@@ -174,46 +164,26 @@ def test_a_recorder_goes_on_where_nothing_more_can_be_kept(
     assert len(_kept(office)) == 1
 
 
-def _run(*words: object) -> int:
-    try:
-        main([str(word) for word in words])
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
-
-
 @pytest.mark.usefixtures("terminal")
 def test_as_a_user_types_it(tmp_path: Path, bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Import, then ask for the report of what was kept.
-    """
+    """Import, then ask for the report of what was kept."""
     office = _office(tmp_path / "office")
 
-    assert _run("import", office, bag, "--scan", "--keep-scans") == 0
+    assert run("import", office, bag, "--scan", "--keep-scans") == 0
     assert "office.scans: the scans of visits." in " ".join(capsys.readouterr().err.split())
-    assert _run("scan-report", office) == 0
+    assert run("scan-report", office) == 0
 
     lab = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("lab"))
     assert lab.split()[1:5] == ["2", "1", "1", "0"]
 
 
 @pytest.mark.usefixtures("terminal")
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["import", "LOG", "x.bag", "--scan", "--keep-scans", "--dry-run"], "writes nothing"),
-        (["record", "LOG", "--ros2", "--keep-scans"], "no laser is read"),
-        (["record", "LOG", "--keep-scans"], "say which ROS"),
-    ],
-)
-def test_options_that_make_no_sense_are_refused(
-    words: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """
-    As wrong command lines.
-    """
+def test_options_that_make_no_sense_are_refused(tmp_path: Path, refuses: Refuses) -> None:
+    """As wrong command lines."""
     office = _office(tmp_path / "office")
 
-    assert _run(*(office if word == "LOG" else word for word in words)) == 2
-
-    assert says in " ".join(capsys.readouterr().err.split())
+    refuses(f"""
+        import {office} x.bag --scan --keep-scans --dry-run
+        record {office} --ros2 --keep-scans
+        record {office} --keep-scans
+    """)

@@ -75,9 +75,7 @@ BAD: dict[str, tuple[bytes, str]] = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_a_bad_line_is_named_and_the_lines_after_it_are_stored(office: Path, name: str) -> None:
-    """
-    Whatever is bad in it; in the order of the lines, in a message that a person can read.
-    """
+    """Whatever is bad in it; in the order of the lines, in a message that a person can read."""
     bad, expected = BAD[name]
 
     first, refused, last = _noted(office, GOOD + bad + GOOD)
@@ -95,9 +93,7 @@ def test_a_bad_line_is_named_and_the_lines_after_it_are_stored(office: Path, nam
 def test_a_class_whose_words_have_line_breaks_leaves_a_log_that_is_read(
     office: Path, words: str
 ) -> None:
-    """
-    Also by the lines after it, and after a keyframe.
-    """
+    """Also by the lines after it, and after a keyframe."""
     line = f'{{"kind": "ClassDefined", "class_name": "dock", "geometry": "point", {words}}}\n'
     assert ["", ""] == [each.error for each in _noted(office, line.encode() + GOOD)]
 
@@ -105,9 +101,7 @@ def test_a_class_whose_words_have_line_breaks_leaves_a_log_that_is_read(
 
 
 def test_a_reader_that_fails_loses_nothing_that_was_read(office: Path) -> None:
-    """
-    The pose that waits for a next line, which never comes; a terminal that went away says EIO.
-    """
+    """The pose that waits for a next line, which never comes."""
     terminal, end = os.openpty()
     os.write(end, POSE + GOOD + POSE)
     os.close(end)
@@ -125,9 +119,7 @@ def test_a_reader_that_fails_loses_nothing_that_was_read(office: Path) -> None:
 def test_whatever_ends_it_the_lines_that_were_read_are_stored(
     office: Path, error: type[BaseException]
 ) -> None:
-    """
-    Here the one who hears the answers, in the midst of them.
-    """
+    """Here the one who hears the answers, in the midst of them."""
     source, sink = os.pipe()
     os.write(sink, GOOD + b"bad\n" + GOOD + POSE)
     os.close(sink)
@@ -142,9 +134,7 @@ def test_whatever_ends_it_the_lines_that_were_read_are_stored(
 
 
 def test_the_first_bad_line_ends_a_strict_run(office: Path) -> None:
-    """
-    What stands before it is stored, what stands after it is not.
-    """
+    """What stands before it is stored, what stands after it is not."""
     source, sink = os.pipe()
     os.write(sink, POSE + _note(b"reason", NUL) + GOOD)
     os.close(sink)
@@ -183,9 +173,7 @@ def _fed(office: Path, write: Callable[[int], None]) -> tuple[int, str]:
 
 @pytest.mark.slow
 def test_an_enormous_line_costs_what_reading_it_costs(office: Path) -> None:
-    """
-    A gigabyte without an end, then a good line.
-    """
+    """A gigabyte without an end, then a good line."""
 
     def write(fd: int) -> None:
         for _ in range(2**10):
@@ -196,9 +184,7 @@ def test_an_enormous_line_costs_what_reading_it_costs(office: Path) -> None:
 
 
 def test_a_key_that_comes_twice_among_many_is_found_at_once(office: Path) -> None:
-    """
-    A line of 45,000 keys, the last one twice: to look for each among all others takes 12 s.
-    """
+    """A line of 45,000 keys, the last one twice: to look for each among all others takes 12 s."""
     keys = ",".join(f'"{i}":0' for i in [*range(KEYS), KEYS - 1])
 
     code, said = _fed(office, lambda fd: (os.write(fd, f"{{{keys}}}\n".encode()), None)[1])

@@ -20,9 +20,7 @@ SERVICES = sorted(FOLDER.glob("systemd/*.service"))
 
 @pytest.mark.parametrize("path", SERVICES, ids=lambda path: path.stem)
 def test_systemd_finds_nothing_to_say_about_a_service(path: Path, tmp_path: Path) -> None:
-    """
-    `systemd-analyze verify` reads every key of the unit, as that of one log.
-    """
+    """`systemd-analyze verify` reads every key of the unit, as that of one log."""
     if shutil.which("systemd-analyze") is None:
         pytest.skip("systemd-analyze is not installed")
     unit = tmp_path / path.name.replace("@", "@office")
@@ -66,9 +64,7 @@ def test_a_service_starts_the_verb_with_the_options_of_its_file(
 
 
 def test_the_doors_of_the_page_lie_where_a_service_may_write() -> None:
-    """
-    `ProtectSystem=strict` leaves a service its state and its logs: SaveDoorDB writes beside --yaml.
-    """
+    """`ProtectSystem=strict` leaves a service its state and its logs."""
     settings = (FOLDER / "systemd" / "office.env").read_text(encoding="utf-8")
     unit = (FOLDER / "systemd" / "semmap-server@.service").read_text(encoding="utf-8")
     state = "/var/lib/" + re.findall(r"(?m)^StateDirectory=(.*)$", unit)[0] + "/"
@@ -84,9 +80,7 @@ def test_the_doors_of_the_page_lie_where_a_service_may_write() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("path", SERVICES, ids=lambda path: path.stem)
 def test_what_does_not_mend_itself_is_not_started_again(path: Path, tmp_path: Path) -> None:
-    """
-    The code with which the unit's own verb leaves where there is no log.
-    """
+    """The code with which the unit's own verb leaves where there is no log."""
     verb = path.stem.removeprefix("semmap-").removesuffix("@").removesuffix("er")
     verb = {"serv": "serve", "record": "record"}[verb]
     never = re.findall(r"(?m)^RestartPreventExitStatus=(.*)$", path.read_text(encoding="utf-8"))
@@ -109,9 +103,7 @@ RULES = {
 
 
 def test_the_policy_says_what_policies_can_say() -> None:
-    """
-    Its elements and permissions are those of SROS2's schema; whose tools cannot be had here.
-    """
+    """Its elements and permissions are those of SROS2's schema; whose tools cannot be had here."""
     policy = ET.parse(FOLDER / "sros2" / "policy.xml").getroot()
 
     assert "0.2.0" == policy.get("version")
@@ -125,9 +117,7 @@ def test_the_policy_says_what_policies_can_say() -> None:
 
 
 def test_the_policy_lets_only_the_operator_call() -> None:
-    """
-    Of the actions by their default names; the server alone executes them.
-    """
+    """Of the actions by their default names; the server alone executes them."""
     from semmap_log.live.ros.ros_node import DEFAULTS
 
     policy = ET.parse(FOLDER / "sros2" / "policy.xml").getroot()
@@ -146,16 +136,12 @@ def test_the_policy_lets_only_the_operator_call() -> None:
 
 @pytest.mark.parametrize("name", sorted(set(re.findall(r"`([a-z_0-9]+/[\w.@]*)`", PAGE))))
 def test_what_the_page_names_beside_itself_is_there(name: str) -> None:
-    """
-    Folders and files that it sends people to.
-    """
+    """Folders and files that it sends people to."""
     assert (FOLDER / name).exists()
 
 
 def test_the_page_names_verbs_that_there_are() -> None:
-    """
-    Each `semmap-log VERB` of its text and commands.
-    """
+    """Each `semmap-log VERB` of its text and commands."""
     from semmap_log.cli.verb_table import SHOWN
 
     named = set(re.findall(r"semmap-log ([a-z][a-z-]+)", PAGE))
@@ -165,9 +151,7 @@ def test_the_page_names_verbs_that_there_are() -> None:
 
 
 def test_files_in_launch_commands_have_whole_paths() -> None:
-    """
-    roslaunch starts nodes in ~/.ros, where nobody keeps them.
-    """
+    """roslaunch starts nodes in ~/.ros, where nobody keeps them."""
     options = re.findall(r'options:="(.*?)"', PAGE)
 
     files = [word for each in options for word in each.split() if not word.startswith("-")]
@@ -176,10 +160,7 @@ def test_files_in_launch_commands_have_whole_paths() -> None:
 
 
 def test_services_run_as_they_are_handed_out() -> None:
-    """
-    No option of theirs names a file that nobody made; and what they are set up with is where they
-    can see it.
-    """
+    """No option of theirs names a file that nobody made."""
     settings = (FOLDER / "systemd" / "office.env").read_text(encoding="utf-8")
     values = dict(re.findall(r"^(\w+)=(.*)$", settings, flags=re.MULTILINE))
 

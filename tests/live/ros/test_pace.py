@@ -38,9 +38,7 @@ def test_being_late_delays_nothing_that_follows(rate: float) -> None:
 
 
 def test_the_logs_time_never_runs_back_nor_ahead_of_the_next_message() -> None:
-    """
-    Read between messages at odd times, at a rate that rounds; late messages hold it back.
-    """
+    """Read between messages at odd times, at a rate that rounds; late messages hold it back."""
     wall = Wall()
     pace = Pace(BEGIN, 7777.7, now_ns=wall)
     read = []
@@ -72,9 +70,7 @@ def test_a_message_that_is_out_is_not_ahead_of_the_logs_time() -> None:
 
 
 def test_long_empty_stretches_are_left_out() -> None:
-    """
-    What comes behind one is due with what comes before it; shorter ones are waited for.
-    """
+    """What comes behind one is due with what comes before it; shorter ones are waited for."""
     wall = Wall()
     pace = Pace(BEGIN, 2.0, longest_gap_ns=10 * SECOND, now_ns=wall)
     moments_s = [0, 4, 14, 1000, 1002, 5000, 5010]
@@ -85,9 +81,7 @@ def test_long_empty_stretches_are_left_out() -> None:
 
 
 def test_the_logs_time_goes_on_behind_a_stretch_that_was_left_out() -> None:
-    """
-    From there, and not from where the wall's clock would have it.
-    """
+    """From there, and not from where the wall's clock would have it."""
     wall = Wall()
     pace = Pace(BEGIN, 1.0, longest_gap_ns=10 * SECOND, now_ns=wall)
     pace.due_ns(BEGIN + 1000 * SECOND)
@@ -99,9 +93,7 @@ def test_the_logs_time_goes_on_behind_a_stretch_that_was_left_out() -> None:
 
 
 def test_without_waiting_everything_is_due_at_once() -> None:
-    """
-    And the log's time is that of the next message.
-    """
+    """And the log's time is that of the next message."""
     wall = Wall()
     pace = Pace(BEGIN, math.inf, now_ns=wall)
 

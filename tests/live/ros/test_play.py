@@ -35,21 +35,12 @@ def expected(log: sl.DoorLog) -> list[str]:
     return found
 
 
-@pytest.fixture(params=["ros1", "jazzy"])
-def ros_1_or_2(request: pytest.FixtureRequest) -> RosWorld:
-    """Each ROS, where Kilted's is as Jazzy's."""
-    world: RosWorld = request.getfixturevalue(request.param)
-    return world
-
-
 def test_a_subscriber_hears_each_door_map_once(
-    ros: RosWorld, log: sl.DoorLog, expected: list[str]
+    every_ros: RosWorld, log: sl.DoorLog, expected: list[str]
 ) -> None:
-    """
-    As replays give them, in their order; as fast as it goes, nothing is lost either.
-    """
-    with listen(ros) as listener:
-        ros.semmap("play", log.path, ros.option, "--immediate", "--wait").finish()
+    """As replays give them, in their order; as fast as it goes, nothing is lost either."""
+    with listen(every_ros) as listener:
+        every_ros.semmap("play", log.path, every_ros.option, "--immediate", "--wait").finish()
 
         wait_until(lambda: len(heard(listener)) >= len(expected), "all door maps")
         assert expected == [each.doors for each in heard(listener)]
@@ -58,9 +49,7 @@ def test_a_subscriber_hears_each_door_map_once(
 def test_rosbag_play_drives_the_same_subscriber(
     ros1: RosWorld, log: sl.DoorLog, expected: list[str], tmp_path: Path
 ) -> None:
-    """
-    ROS 1's own player takes our bag, and what is heard of it is the same.
-    """
+    """ROS 1's own player takes our bag, and what is heard of it is the same."""
     record_bag(log, tmp_path / "log.bag")
     topic = "/lta_semantic_map_door_db"
 
@@ -77,9 +66,7 @@ def test_rosbag_play_drives_the_same_subscriber(
 def test_a_late_subscriber_has_the_last_door_map(
     ros: RosWorld, log: sl.DoorLog, expected: list[str]
 ) -> None:
-    """
-    It is latched, and stays so behind the end with --keep-alive; Ctrl-C ends that well.
-    """
+    """It is latched, and stays so behind the end with --keep-alive; Ctrl-C ends that well."""
     with ros.semmap("play", log.path, ros.option, "--immediate", "--keep-alive") as player:
         player.wait_for("plays /map")
         with listen(ros) as first:
@@ -91,14 +78,8 @@ def test_a_late_subscriber_has_the_last_door_map(
         assert 0 == player.stop(signal.SIGINT)
 
 
-def test_with_a_clock_subscribers_live_in_the_logs_time(
-    ros_1_or_2: RosWorld, log: sl.DoorLog
-) -> None:
-    """
-    Who has `use_sim_time` hears each door map when it became true, from --since to --until: within
-    half a second of the wall's, in the first round or, while the machine is busy, in a later one.
-    """
-    ros = ros_1_or_2
+def test_with_a_clock_subscribers_live_in_the_logs_time(ros: RosWorld, log: sl.DoorLog) -> None:
+    """Who has `use_sim_time` hears each door map when it became true, from --since to --until."""
     rate, since_ns, until_ns = 2000, START + 6000 * SECOND, START + 12_000 * SECOND
     expected = door_maps(log, since_ns, until_ns)
     assert len(expected) > 20
@@ -143,12 +124,10 @@ def _listen_in_sim_time(ros: RosWorld) -> Running:
 
 @pytest.mark.slow
 def test_a_loop_begins_with_the_state_of_its_beginning(
-    ros_1_or_2: RosWorld, log: sl.DoorLog, expected: list[str]
+    ros: RosWorld, log: sl.DoorLog, expected: list[str]
 ) -> None:
-    """
-    Each round is told as the first, here in a namespace; SIGTERM ends it well.
-    """
-    ros, topic = ros_1_or_2, "/lta_semantic_map_door_db"
+    """Each round is told as the first, here in a namespace; SIGTERM ends it well."""
+    topic = "/lta_semantic_map_door_db"
     heard_as, played_in = [f"{topic}:=/old{topic}"], ["__ns:=/old"]
     if ros.version == 2:
         heard_as, played_in = (["--ros-args", "-r", each] for (each,) in (heard_as, played_in))

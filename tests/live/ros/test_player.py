@@ -51,9 +51,7 @@ def _clock_ns(message: Any) -> int:
 
 
 def test_all_messages_are_published_once_in_their_order(stream: LogStream) -> None:
-    """
-    Under names that follow the node's namespace.
-    """
+    """Under names that follow the node's namespace."""
     node = CollectingNode()
 
     count = play(node, stream, AT_ONCE, stop=at_last())
@@ -63,9 +61,7 @@ def test_all_messages_are_published_once_in_their_order(stream: LogStream) -> No
 
 
 def test_no_message_comes_before_it_is_due(stream: LogStream) -> None:
-    """
-    By the log's time from its beginning, at the rate that was asked for.
-    """
+    """By the log's time from its beginning, at the rate that was asked for."""
     node = CollectingNode()
     begin_ns, _ = stream.span_ns or (0, 0)
     due_s = [(message.at_ns - begin_ns) / 1e9 / IN_A_TENTH.rate for message in stream.messages()]
@@ -79,9 +75,7 @@ def test_no_message_comes_before_it_is_due(stream: LogStream) -> None:
 
 
 def test_each_round_of_a_loop_takes_its_time(stream: LogStream) -> None:
-    """
-    The second as the first, with the same messages from the beginning.
-    """
+    """The second as the first, with the same messages from the beginning."""
     node = CollectingNode()
     names = _names(stream)
     options = PlayOptions(rate=IN_A_TENTH.rate, loop=True)
@@ -95,9 +89,7 @@ def test_each_round_of_a_loop_takes_its_time(stream: LogStream) -> None:
 
 
 def test_a_latched_message_waits_for_the_one_before(stream: LogStream) -> None:
-    """
-    ROS 2 keeps one of them: it would take the place of one that nobody has yet.
-    """
+    """ROS 2 keeps one of them: it would take the place of one that nobody has yet."""
     node = CollectingNode()
     sent = [message.topic for message in stream.messages()]
     latched = [topic.name.removeprefix("/") for topic in sent if topic.is_latched]
@@ -110,9 +102,7 @@ def test_a_latched_message_waits_for_the_one_before(stream: LogStream) -> None:
 
 
 def test_without_a_rate_who_is_slow_is_waited_for(stream: LogStream) -> None:
-    """
-    Nothing is due at a time, so nobody has to lose a message to a second in which it hung.
-    """
+    """Nothing is due at a time, so nobody has to lose a message to a second in which it hung."""
     at_once, paced = CollectingNode(), CollectingNode()
 
     play(at_once, stream, AT_ONCE, stop=at_last())
@@ -124,9 +114,7 @@ def test_without_a_rate_who_is_slow_is_waited_for(stream: LogStream) -> None:
 def test_others_wait_once_many_are_on_their_way(
     stream: LogStream, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Before a node's queue is full: nothing is dropped without waiting.
-    """
+    """Before a node's queue is full: nothing is dropped without waiting."""
     monkeypatch.setattr(player, "MOST_WAITING", 3)
     node = CollectingNode()
     poses = _names(stream).count("semmap/robot_pose")
@@ -138,9 +126,7 @@ def test_others_wait_once_many_are_on_their_way(
 
 
 def test_no_stamp_lies_ahead_of_the_clock(stream: LogStream) -> None:
-    """
-    The clock has shown a message's time when it comes; each time is shown once, none goes back.
-    """
+    """The clock has shown a message's time when it comes."""
     node = CollectingNode()
 
     play(node, stream, PlayOptions(rate=math.inf, clock_hz=40.0), stop=at_last())
@@ -157,9 +143,7 @@ def test_no_stamp_lies_ahead_of_the_clock(stream: LogStream) -> None:
 
 
 def test_between_messages_the_clock_goes_on(stream: LogStream) -> None:
-    """
-    As often as was asked for, by the wall's clock.
-    """
+    """As often as was asked for, by the wall's clock."""
     node = CollectingNode()
     ends = at_last()
 
@@ -177,9 +161,7 @@ def test_between_messages_the_clock_goes_on(stream: LogStream) -> None:
 
 
 def test_who_is_stopped_says_no_more(stream: LogStream) -> None:
-    """
-    What was not due yet is not published in a hurry at the end.
-    """
+    """What was not due yet is not published in a hurry at the end."""
     node = CollectingNode()
 
     count = play(node, stream, PlayOptions(rate=1.0), stop=lambda: bool(node.order))
@@ -189,9 +171,7 @@ def test_who_is_stopped_says_no_more(stream: LogStream) -> None:
 
 
 def test_playing_begins_when_somebody_listens(stream: LogStream) -> None:
-    """
-    Nothing is published before.
-    """
+    """Nothing is published before."""
     node = CollectingNode(listeners=0)
     asked = 0
     unheard: list[int] = []
@@ -212,9 +192,7 @@ def test_playing_begins_when_somebody_listens(stream: LogStream) -> None:
 
 
 def test_who_is_stopped_while_nobody_listens_has_published_nothing(stream: LogStream) -> None:
-    """
-    Ctrl-C ends the waiting.
-    """
+    """Ctrl-C ends the waiting."""
     asked = iter(range(20))
 
     count = play(
@@ -228,9 +206,7 @@ def test_who_is_stopped_while_nobody_listens_has_published_nothing(stream: LogSt
 
 
 def test_who_is_to_stay_stays_behind_the_end(stream: LogStream) -> None:
-    """
-    Until stopped: a subscriber that comes later has what is latched.
-    """
+    """Until stopped: a subscriber that comes later has what is latched."""
     node = CollectingNode()
     count = len(_names(stream))
     asked_behind_the_end = 0
@@ -246,9 +222,7 @@ def test_who_is_to_stay_stays_behind_the_end(stream: LogStream) -> None:
 
 
 def test_what_fails_while_playing_is_raised(stream: LogStream) -> None:
-    """
-    Not kept in a thread that nobody asks.
-    """
+    """Not kept in a thread that nobody asks."""
 
     class Broken(CollectingNode):
         def take(self, topic: Any, data: bytes) -> None:
@@ -259,9 +233,7 @@ def test_what_fails_while_playing_is_raised(stream: LogStream) -> None:
 
 
 def test_an_empty_stream_publishes_nothing(tmp_path: Path) -> None:
-    """
-    And comes to its end.
-    """
+    """And comes to its end."""
     sl.create(tmp_path / "log", tz="UTC").close()
     empty = log_stream(sl.read(tmp_path / "log"), ros_version=2)
 
@@ -271,9 +243,7 @@ def test_an_empty_stream_publishes_nothing(tmp_path: Path) -> None:
 def test_a_single_moment_in_a_loop_does_not_flood(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    It lasts no time, so it comes once a second (here: four times), not as fast as the machine can.
-    """
+    """It lasts no time, so it comes once a second."""
     assert 1.0 == player.LOOP_S
     monkeypatch.setattr(player, "LOOP_S", 0.25)
     node = CollectingNode()

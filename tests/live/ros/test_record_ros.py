@@ -87,14 +87,12 @@ def _kinds(office: Path, kind: type[Any]) -> list[Any]:
     return [e.event for batch in sl.read(office).batches(kinds=[kind]) for e in batch]
 
 
-def test_all_that_a_robot_says_of_doors_is_in_the_log(ros: RosWorld, office: Path) -> None:
-    """
-    A server's map, Open-RMF, a contact, pose, TF, floor plan and rounds; who said it; Ctrl-C ends.
-    """
-    robot, started_ns = Robot(1 if ros.version == 1 else 2), time.time_ns()
+def test_all_that_a_robot_says_of_doors_is_in_the_log(every_ros: RosWorld, office: Path) -> None:
+    """A server's map, Open-RMF, a contact, pose, TF, floor plan and rounds; who said it."""
+    robot, started_ns = Robot(1 if every_ros.version == 1 else 2), time.time_ns()
     cells = np.array([[0, 100, -1], [0, 0, 100]], np.int8)
 
-    with _talking(ros) as talker, _record(ros, office) as recorder:
+    with _talking(every_ros) as talker, _record(every_ros, office) as recorder:
         recorder.wait_for("/rounds: recording|/door_requests: recording")
         talker.say("/doors", robot.door_map([{"door_id": 4}]), latched=True)
         talker.say("/door_states", robot.door_state("lab", 3))
@@ -126,7 +124,7 @@ def test_all_that_a_robot_says_of_doors_is_in_the_log(ros: RosWorld, office: Pat
     assert [(3.0, 0.0), (7.0, 8.0)] == [(pose.x, pose.y) for pose in _kinds(office, RobotPose)]
     assert {1.0, 0.97} == {seen.accuracy_open for seen in _kinds(office, DoorObserved)}
     (request,) = [entry for entry in log.history() if isinstance(entry.event, DoorRequested)]
-    sender = " of /talker" if ros.version == 1 else ""
+    sender = " of /talker" if every_ros.version == 1 else ""
     assert ("tug1", f"/door_requests{sender}") == (request.actor, request.source)
     assert all(started_ns < batch.happened_ns.min() for batch in log.batches())
     assert np.array_equal(cells, log.floor_map().cells)  # type: ignore[union-attr]
@@ -140,9 +138,7 @@ def _said_by(doors: Iterable[int], robot: Robot, talker: Talker, topic: str) -> 
 def test_what_was_received_is_written_when_it_is_told_to_stop(
     jazzy: RosWorld, office: Path
 ) -> None:
-    """
-    With SIGTERM, amid a burst: every message that came is in the log, and none is counted twice.
-    """
+    """With SIGTERM, amid a burst: every message that came is in the log."""
     robot = Robot(2)
 
     with _talking(jazzy) as talker, _record(jazzy, office) as recorder:
@@ -158,9 +154,7 @@ def test_what_was_received_is_written_when_it_is_told_to_stop(
 
 
 def test_a_recorder_that_was_killed_goes_on(ros: RosWorld, office: Path) -> None:
-    """
-    What it had is whole; the map that a server latched is compared, and only differences are new.
-    """
+    """What it had is whole; the map that a server latched is compared."""
     robot = Robot(1 if ros.version == 1 else 2)
 
     with _talking(ros) as talker:
@@ -182,9 +176,7 @@ def test_a_recorder_that_was_killed_goes_on(ros: RosWorld, office: Path) -> None
 
 
 def test_a_dry_run_shows_events_as_they_come(ros1: RosWorld, office: Path) -> None:
-    """
-    Lines with their sources; the log stays as it is.
-    """
+    """Lines with their sources; the log stays as it is."""
     robot = Robot(1)
 
     with _talking(ros1) as talker, _record(ros1, office, "--dry-run") as recorder:
@@ -202,9 +194,7 @@ def test_a_dry_run_shows_events_as_they_come(ros1: RosWorld, office: Path) -> No
 def test_a_topic_whose_type_is_not_installed_is_left_out_aloud(
     jazzy: RosWorld, office: Path
 ) -> None:
-    """
-    With how to get it; the others are recorded.
-    """
+    """With how to get it; the others are recorded."""
     (office.parent / "robot.yaml").write_text(
         "topics:\n"
         "  /odd: {read: sensor, door: odd, type: odd_msgs/Odd}\n"
@@ -219,9 +209,7 @@ def test_a_topic_whose_type_is_not_installed_is_left_out_aloud(
 
 
 def test_a_master_that_is_started_anew_ends_no_recording(ros1: RosWorld, office: Path) -> None:
-    """
-    While it is away, what is connected goes on; behind it, new nodes are found again.
-    """
+    """While it is away, what is connected goes on; behind it, new nodes are found again."""
     robot = Robot(1)
 
     with _talking(ros1) as talker, _record(ros1, office) as recorder:

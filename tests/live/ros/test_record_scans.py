@@ -64,9 +64,7 @@ def _events(path: Path) -> list[str]:
 
 
 def test_live_or_from_a_bag_the_sightings_are_the_same(tmp_path: Path) -> None:
-    """
-    States, accuracies, openings, times, poses; and both say who saw it with what.
-    """
+    """States, accuracies, openings, times, poses; and both say who saw it with what."""
     said = drives_by()
     live, imported = (_office(tmp_path / name) for name in ("live", "imported"))
     write_mcap(tmp_path / "x.mcap", said)
@@ -88,9 +86,7 @@ def test_live_or_from_a_bag_the_sightings_are_the_same(tmp_path: Path) -> None:
 
 
 def test_the_bag_of_a_drive_that_was_recorded_adds_nothing(tmp_path: Path) -> None:
-    """
-    They are the same looks.
-    """
+    """They are the same looks."""
     said, live = drives_by(), _office(tmp_path / "live")
     write_mcap(tmp_path / "x.mcap", said)
     _recorded(live, said)
@@ -104,10 +100,7 @@ def test_the_bag_of_a_drive_that_was_recorded_adds_nothing(tmp_path: Path) -> No
 
 
 def test_a_clock_that_is_set_back_costs_no_scan(tmp_path: Path) -> None:
-    """
-    The door is seen on, though the clock needs an hour until it is where it was; and each visit
-    holds where the robot was.
-    """
+    """The door is seen on, though the clock needs an hour until it is where it was."""
     office = _office(tmp_path / "office")
     hour = LaserRoom(begins_s=3600.0, state=lambda _: SHUT)
 
@@ -122,9 +115,7 @@ def test_a_clock_that_is_set_back_costs_no_scan(tmp_path: Path) -> None:
 def test_the_visits_of_a_laser_that_falls_silent_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    They are written while it records on: neither a next scan is waited for nor any message.
-    """
+    """They are written while it records on: neither a next scan is waited for nor any message."""
     monkeypatch.setattr(scan_keeper, "QUIET_S", 0.3)
     monkeypatch.setattr(ros_recorder, "QUIET_LOOK_S", 0.05)
     office, seen = _office(tmp_path / "office"), []
@@ -143,9 +134,7 @@ def test_the_visits_of_a_laser_that_falls_silent_end(
 
 
 def test_only_the_robot_that_is_silent_ends_its_visits() -> None:
-    """
-    Half a minute after its last scan, though another one goes on; and once.
-    """
+    """Half a minute after its last scan, though another one goes on; and once."""
     x, y, theta, width = DOOR
     known = Known()
     known.apply(DoorAdded(door_id=DoorId(1), x=x, y=y, theta=theta, width=width))
@@ -170,9 +159,7 @@ def test_only_the_robot_that_is_silent_ends_its_visits() -> None:
 
 
 def test_a_door_that_comes_while_it_records_is_seen_from_then_on(tmp_path: Path) -> None:
-    """
-    A server's DoorMap adds it between two drives.
-    """
+    """A server's DoorMap adds it between two drives."""
     sl.create(tmp_path / "office", tz="UTC", compact=False).close()
     x, y, theta, width = DOOR
     door = {"door_id": 7, "pos_x": x, "pos_y": y, "pos_theta": theta, "width": width}
@@ -190,9 +177,7 @@ def test_a_door_that_comes_while_it_records_is_seen_from_then_on(tmp_path: Path)
 
 
 def test_a_door_that_is_removed_while_it_is_looked_at_is_told_up_to_then(tmp_path: Path) -> None:
-    """
-    And nothing is said of it afterwards.
-    """
+    """And nothing is said of it afterwards."""
     office = _office(tmp_path / "office")
     x, y, theta, width = DOOR
     door = {"door_id": 1, "pos_x": x, "pos_y": y, "pos_theta": theta, "width": width}
@@ -211,9 +196,7 @@ def test_a_door_that_is_removed_while_it_is_looked_at_is_told_up_to_then(tmp_pat
 
 
 def test_scans_are_not_read_unless_asked_for(tmp_path: Path) -> None:
-    """
-    Nor TF, whose messages are many.
-    """
+    """Nor TF, whose messages are many."""
     office = _office(tmp_path / "office")
 
     recorder = _recorded(office, LaserRoom(seconds=2.0).said(), WELL_KNOWN)
@@ -223,9 +206,6 @@ def test_scans_are_not_read_unless_asked_for(tmp_path: Path) -> None:
 
 
 def test_a_dry_run_shows_sightings_with_their_sources(tmp_path: Path) -> None:
-    """
-    And writes nothing.
-    """
     office, shown = _office(tmp_path / "office"), []
 
     def during(node: MemoryNode) -> None:
@@ -242,9 +222,7 @@ def test_a_dry_run_shows_sightings_with_their_sources(tmp_path: Path) -> None:
 
 
 def test_a_laser_on_a_real_ros_sees_a_door(ros: RosWorld, tmp_path: Path) -> None:
-    """
-    /scan, /tf and a latched /tf_static, as a robot publishes them, now; Ctrl-C ends a visit.
-    """
+    """/scan, /tf and a latched /tf_static, as a robot publishes them, now; Ctrl-C ends a visit."""
     office = _office(tmp_path / "office")
 
     with _talking(ros) as talker, ros.semmap("record", office, ros.option, "--scan") as recorder:
@@ -266,10 +244,7 @@ def test_a_laser_on_a_real_ros_sees_a_door(ros: RosWorld, tmp_path: Path) -> Non
 def test_a_recorder_that_is_ended_amid_a_visit_leaves_a_whole_log(
     ros: RosWorld, tmp_path: Path, number: int
 ) -> None:
-    """
-    SIGTERM ends the visit, and it is written with its scans; SIGKILL loses it whole. Every verb
-    answers, and the next recorder begins.
-    """
+    """SIGTERM ends the visit, and it is written with its scans; SIGKILL loses it whole."""
     office = _office(tmp_path / "office")
     words = ("record", office, ros.option, "--scan", "--keep-scans")
 
@@ -321,9 +296,7 @@ def _of(room: LaserRoom, t: float) -> tuple[str, bytes]:
 
 @pytest.mark.parametrize("topic", ["/r1/scan", "/scan"])
 def test_only_topics_called_scan_are_read_where_none_is_named(topic: str) -> None:
-    """
-    A filtered copy beside them would be seen as another laser.
-    """
+    """A filtered copy beside them would be seen as another laser."""
     laser = "sensor_msgs/msg/LaserScan"
 
     assert SCANS.rule(topic, laser) is not None

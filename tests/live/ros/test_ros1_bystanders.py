@@ -67,9 +67,7 @@ def launched(ros1: RosWorld, tmp_path_factory: pytest.TempPathFactory) -> Iterat
 
 
 def test_rostopic_shows_the_map_to_who_comes_late(launched: Launched) -> None:
-    """
-    Type, publisher, and the last message, which is latched.
-    """
+    """Type, publisher, and the last message, which is latched."""
     echo = launched.said("rostopic", "echo", "-n1", TOPIC)  # waits until it is offered
     info = launched.said("rostopic", "info", TOPIC)
 
@@ -80,9 +78,7 @@ def test_rostopic_shows_the_map_to_who_comes_late(launched: Launched) -> None:
 
 
 def test_rosbag_records_each_change(launched: Launched, tmp_path: Path) -> None:
-    """
-    The C++ recorder, without our messages: the map as it was, and each that followed.
-    """
+    """The C++ recorder, without our messages: the map as it was, and each that followed."""
     bag = tmp_path / "doors.bag"
 
     recording = ["--limit=3", "-O", bag, TOPIC, "__name:=bystander"]
@@ -111,9 +107,7 @@ def _states(bag: Path) -> list[str]:
 
 
 def test_roslaunch_brings_a_killed_server_back(launched: Launched) -> None:
-    """
-    After its two seconds, with all that the killed one had answered.
-    """
+    """After its two seconds, with all that the killed one had answered."""
     launched.call("update", 1, "--prob-open", 0.75)
     killed = launched.pid()
 

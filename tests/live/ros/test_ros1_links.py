@@ -64,9 +64,7 @@ main()
 
 
 def test_a_client_that_has_just_come_gets_its_result(ros1: RosWorld, tmp_path: Path) -> None:
-    """
-    A stock client of our server, whose goal is done before its results are sent to it.
-    """
+    """A stock client of our server, whose goal is done before its results are sent to it."""
     path = tmp_path / "log"
     sl.create(path, tz="UTC").close()
 
@@ -81,9 +79,7 @@ def test_a_client_that_has_just_come_gets_its_result(ros1: RosWorld, tmp_path: P
 
 
 def test_clients_that_come_together_are_linked_once(ros1: RosWorld, tmp_path: Path) -> None:
-    """
-    Goal and cancel, from each; a second link would end the first, and what came in by it.
-    """
+    """Goal and cancel, from each; a second link would end the first, and what came in by it."""
     path = tmp_path / "log"
     sl.create(path, tz="UTC").close()
     goal = {"name": "/lta_semantic_map/remove_door", "action": "RemoveDoor",
@@ -113,9 +109,7 @@ def _links(server: Running) -> list[str]:
 
 
 def test_who_asks_for_no_result_is_not_waited_for(ros1: RosWorld, tmp_path: Path) -> None:
-    """
-    A goal of `rostopic pub`, whose result is shown by another tool.
-    """
+    """A goal of `rostopic pub`, whose result is shown by another tool."""
     path, action = tmp_path / "log", "/lta_semantic_map/remove_door"
     sl.create(path, tz="UTC").close()
     goal = ["lta_semantic_map/RemoveDoorActionGoal", "{goal_id: {id: mine}, goal: {door_id: 77}}"]
@@ -133,9 +127,7 @@ def test_who_asks_for_no_result_is_not_waited_for(ros1: RosWorld, tmp_path: Path
 
 
 def test_call_sends_its_goal_once_results_are_sent_to_it(ros1: RosWorld) -> None:
-    """
-    Somebody's server, which knows nothing of late links.
-    """
+    """Somebody's server, which knows nothing of late links."""
     with ros1.code(PATIENT + LATE_LINKS + PLAIN[1]) as server:
         server.wait_for("ready")
         called = ros1.semmap("call", "remove", 77, "--ros1", "--timeout", 60,

@@ -44,9 +44,7 @@ def actionlibs_own(tmp_path: Path) -> Path:
 
 
 def test_an_action_has_the_checksums_of_catkins(ros1: RosWorld, actionlibs_own: Path) -> None:
-    """
-    All seven messages of actionlib's own action, against those that Debian built with catkin.
-    """
+    """All seven messages of actionlib's own action, against those that Debian built with catkin."""
     said = ros1.code(GENERATE_AND_COMPARE, actionlibs_own).finish()
 
     assert "7 True" in said
@@ -54,10 +52,7 @@ def test_an_action_has_the_checksums_of_catkins(ros1: RosWorld, actionlibs_own: 
 
 @pytest.mark.parametrize("folder", [None, THESIS.parent], ids=["anywhere", "among the definitions"])
 def test_no_build_is_needed(ros1: RosWorld, folder: Path | None) -> None:
-    """
-    Debian's own Python has no messages of ours: they are made on the spot, and no file stays. Nor
-    does a folder of definitions pass for them, though Python would import it.
-    """
+    """Debian's own Python has no messages of ours: they are made on the spot, and no file stays."""
     built, is_installed = ros1.python("-c", MESSAGES).finish().splitlines()
 
     said = ros1.run("/usr/bin/python3", "-c", MESSAGES, cwd=folder).finish()
@@ -68,9 +63,7 @@ def test_no_build_is_needed(ros1: RosWorld, folder: Path | None) -> None:
 
 
 def test_without_ros_it_says_what_to_install() -> None:
-    """
-    In a Python that has neither our messages nor what makes them.
-    """
+    """In a Python that has neither our messages nor what makes them."""
     if find_spec("genpy") is not None:
         pytest.skip("this Python has ROS 1")
 
@@ -101,9 +94,7 @@ except RosError as error:
 def test_a_definition_that_cannot_be_is_refused(
     ros1: RosWorld, tmp_path: Path, text: str, said: str
 ) -> None:
-    """
-    With what is missing, or what genpy says of it.
-    """
+    """With what is missing, or what genpy says of it."""
     path = tmp_path / "broken" / "msg" / "Broken.msg"
     path.parent.mkdir(parents=True)
     path.write_text(text)
@@ -124,9 +115,7 @@ print(made._md5sum == GetMap._md5sum)
 
 
 def test_a_service_has_the_checksum_of_catkins(ros1: RosWorld, tmp_path: Path) -> None:
-    """
-    One with a message of another package, which needs others in turn, against Debian's.
-    """
+    """One with a message of another package, which needs others in turn, against Debian's."""
     path = tmp_path / "theirs" / "srv" / "GetMap.srv"
     path.parent.mkdir(parents=True)
     path.write_text("---\nnav_msgs/OccupancyGrid map\n")
@@ -135,8 +124,6 @@ def test_a_service_has_the_checksum_of_catkins(ros1: RosWorld, tmp_path: Path) -
 
 
 def test_an_action_of_two_parts_is_refused() -> None:
-    """
-    Rather than a message left out.
-    """
+    """Rather than a message left out."""
     with pytest.raises(RosError, match=r"Half.action: expected goal, result and feedback.*2 parts"):
         action_messages("Half", "int32 goal\n---\nint32 result\n")

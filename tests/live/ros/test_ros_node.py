@@ -17,18 +17,14 @@ def _ran(outcome: Outcome | Exception) -> tuple[Outcome, list[str]]:
 
 
 def test_why_a_goal_was_refused_is_logged() -> None:
-    """
-    In ROS 1, too, where the client alone was told.
-    """
+    """In ROS 1, too, where the client alone was told."""
     refused = Outcome(succeeded=False, result={"door_id": 0}, text="width: expected …")
 
     assert (refused, ["AddDoor: refused goal goal-7: width: expected …"]) == _ran(refused)
 
 
 def test_what_is_odd_about_a_goal_is_logged() -> None:
-    """
-    It was done all the same; what is not odd is not told.
-    """
+    """It was done all the same; what is not odd is not told."""
     odd = Outcome(succeeded=True, result={"door_id": 1}, text="door_state: …")
 
     assert (odd, ["AddDoor: warning about goal goal-7: door_state: …"]) == _ran(odd)
@@ -36,9 +32,7 @@ def test_what_is_odd_about_a_goal_is_logged() -> None:
 
 
 def test_an_error_of_our_own_is_told_with_its_trace() -> None:
-    """
-    The client has an answer, the terminal has where it was.
-    """
+    """The client has an answer, the terminal has where it was."""
     outcome, (trace, refused) = _ran(RuntimeError("no such wide door"))
 
     assert Outcome(False, {}, "RuntimeError: no such wide door") == outcome

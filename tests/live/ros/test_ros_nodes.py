@@ -87,6 +87,11 @@ node.close()
 
 
 @pytest.fixture(scope="module")
+def ros(every_ros: RosWorld) -> RosWorld:
+    return every_ros
+
+
+@pytest.fixture(scope="module")
 def server(ros: RosWorld) -> Iterator[Running]:
     """A node in a namespace, with a parameter."""
     with ros.code(SERVER, ros.version, *_ros_args(ros, greeting="servus")) as running:
@@ -108,17 +113,12 @@ def _ask(ros: RosWorld, *goals: tuple[object, ...]) -> list[object]:
 
 
 def test_a_node_has_its_name_and_its_parameters_from_ros(server: Running) -> None:
-    """
-    The namespace is part of the name, and a parameter has the value that was given.
-    """
+    """The namespace is part of the name, and a parameter has the value that was given."""
     assert "ready /robot1/doors servus" in server.output
 
 
 def test_a_goal_is_answered_as_it_was_run(ros: RosWorld, server: Running) -> None:
-    """
-    Values go in, status and result come out; ROS 1 has the text in the status, too. The server's
-    terminal says of each what was refused, and what was odd.
-    """
+    """Values go in, status and result come out; ROS 1 has the text in the status, too."""
     answers = _ask(
         ros,
         ("add", {"width": 0.9, "door_state": "OPEN"}, None),
@@ -129,11 +129,7 @@ def test_a_goal_is_answered_as_it_was_run(ros: RosWorld, server: Running) -> Non
     has_text = ros.version == 1
     assert [
         ["SUCCEEDED", {"door_id": 7}, "a warning" if has_text else ""],
-        [
-            "ABORTED",
-            {"door_id": 0},
-            "width: expected a width, got a gap." if has_text else "",
-        ],
+        ["ABORTED", {"door_id": 0}, "width: expected a width, got a gap." if has_text else ""],
         ["ABORTED", {"door_id": 0}, "RuntimeError: no such wide door" if has_text else ""],
     ] == answers
     server.wait_for(r"Traceback \(most recent call last\)")  # a fault of ours is not swallowed
@@ -161,10 +157,7 @@ def test_a_goal_says_who_sent_it_and_has_an_id(ros: RosWorld, server: Running) -
 def test_a_goal_that_is_sent_again_at_once_is_answered_again(
     ros: RosWorld, server: Running
 ) -> None:
-    """
-    actionlib itself would say nothing for five seconds, and rclpy refuse it for ten; so it still
-    does with one that was aborted, which must not be told so again without a try.
-    """
+    """actionlib itself would say nothing for five seconds, and rclpy refuse it for ten."""
     again, bad = ("add", {"width": 0.7}, "a1" * 16), ("add", {"width": -1.0}, "a2" * 16)
 
     answers = _ask(ros, again, again)
@@ -176,18 +169,14 @@ def test_a_goal_that_is_sent_again_at_once_is_answered_again(
 
 
 def test_a_server_that_is_not_there_is_told(ros: RosWorld) -> None:
-    """
-    Whoever calls it hears so, with what to look at.
-    """
+    """Whoever calls it hears so, with what to look at."""
     (answer,) = _ask(ros, ("nowhere", {}, None, 0.3))
 
     assert "no action server /robot1/nowhere answered within 0.3 s" in str(answer)
 
 
 def test_messages_of_another_type_are_passed_over_aloud(ros: RosWorld, server: Running) -> None:
-    """
-    Those of the type that was expected come as their bytes, others are named.
-    """
+    """Those of the type that was expected come as their bytes, others are named."""
     tell = TELL_1 if ros.version == 1 else TELL_2
 
     with ros.code(tell, "String", "'forty-two'"):
@@ -268,10 +257,7 @@ print("all", {done(future).status for future in results} == {4})
 
 
 def test_goals_run_side_by_side_and_a_cancel_comes_too_late(ros: RosWorld, server: Running) -> None:
-    """
-    Several at once, so that they can share a sync; what has happened is not said to be undone,
-    and in ROS 1 a goal with an older stamp than a cancel is served.
-    """
+    """Several at once, so that they can share a sync."""
     said = ros.code(MANY_GOALS_1 if ros.version == 1 else MANY_GOALS_2).finish()
 
     assert "all True" in said
@@ -299,9 +285,7 @@ rclpy.spin(node)
 
 
 def test_what_is_published_last_is_heard(ros: RosWorld, server: Running) -> None:
-    """
-    A late listener hears what is latched, and what was published right before the node closed.
-    """
+    """A late listener hears what is latched."""
     with ros.code(LISTEN_1 if ros.version == 1 else LISTEN_2) as listener:
         listener.wait_for("heard hello")
 
@@ -353,9 +337,7 @@ node.run(lambda: False)
 
 
 def test_a_goal_whose_client_is_not_known_yet_is_run_and_answered(jazzy: RosWorld) -> None:
-    """
-    rclpy would keep it for ever without running it: sent again, too, there would be no answer.
-    """
+    """rclpy would keep it for ever without running it."""
     first = ("/robot1/late", {"width": 0.7}, "b1" * 16)
     second = ("/robot1/late", {"width": 0.7}, "b2" * 16)
 
@@ -394,9 +376,7 @@ node.close()
 
 
 def test_what_is_just_being_sent_is_waited_for(ros1: RosWorld) -> None:
-    """
-    The thread that sends has taken it from the queue, and got no further: the node stays so long.
-    """
+    """The thread that sends has taken it from the queue, and got no further."""
     with ros1.code(LISTEN_1) as listener:
         ros1.code(SLOW_LINE).finish()
 
@@ -404,9 +384,7 @@ def test_what_is_just_being_sent_is_waited_for(ros1: RosWorld) -> None:
 
 
 def test_a_missing_ros_is_told_with_what_to_do(ros: RosWorld) -> None:
-    """
-    The other ROS is not in this Python, and without a master ROS 1 cannot be joined.
-    """
+    """The other ROS is not in this Python, and without a master ROS 1 cannot be joined."""
     code = """
 import sys
 from semmap_log.live.ros.joining import open_node
@@ -426,9 +404,7 @@ for version in (1, 2):
 
 
 def test_a_server_is_known_to_a_master_that_was_started_anew(ros1: RosWorld) -> None:
-    """
-    Who joins after that finds its actions; rospy itself would stay unknown for ever.
-    """
+    """Who joins after that finds its actions; rospy itself would stay unknown for ever."""
     with ros1.code(SERVER, 1, *_ros_args(ros1)) as running:
         running.wait_for("^ready")
         _ask(ros1, ("add", {"width": 0.7}, None))  # by then it has seen the first master
@@ -441,9 +417,7 @@ def test_a_server_is_known_to_a_master_that_was_started_anew(ros1: RosWorld) -> 
 
 
 def test_a_node_whose_name_is_taken_says_so(ros1: RosWorld) -> None:
-    """
-    ROS 1 ends the older of two nodes of one name: that is no end as by Ctrl-C.
-    """
+    """ROS 1 ends the older of two nodes of one name: that is no end as by Ctrl-C."""
     with ros1.code(SERVER, 1, *_ros_args(ros1)) as first:
         first.wait_for("^ready")
 

@@ -6,22 +6,20 @@ import json
 import os
 import re
 import subprocess
-import sys
 import time
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from shutil import which
-from zipfile import ZipFile
 
 import pytest
 import yaml
 
-from semmap_log.cli import main
 from semmap_log.interop.formats.ros.ros_types import ros_types
 from semmap_log.live.ros.ros_node import write_ros_package
 from semmap_log.live.ros.serving.served_topics import MARKERS_NAME
 from semmap_log.live.ros.serving.server import LAYER_NAME, MASTER_NAME
 from tests.live.ros.ros_world import ROOT, RosWorld
+from tests.verbs import run
 
 BUILT_WITHIN_S = 600
 """A build of seven times four messages for C++, Lisp, Node and Python, on a busy machine."""
@@ -62,27 +60,21 @@ CHECKSUMS = {
 
 @pytest.mark.parametrize("name", THESIS)
 def test_definitions_are_the_thesis_to_the_letter(name: str) -> None:
-    """
-    All fields, their names, types and order.
-    """
+    """All fields, their names, types and order."""
     lines = (PACKAGE / name).read_text(encoding="utf-8").splitlines()
 
     assert THESIS[name].splitlines() == [line for line in lines if not line.startswith("#")]
 
 
 def test_there_is_no_other_definition() -> None:
-    """
-    The thesis has two messages and four actions.
-    """
+    """The thesis has two messages and four actions."""
     found = {f"{path.parent.name}/{path.name}" for path in PACKAGE.glob("[ma]*/*.*")}
 
     assert set(THESIS) == found
 
 
 def test_ros1_tools_see_the_checksums_of_catkin(ros1: RosWorld) -> None:
-    """
-    `rosmsg md5` of what our builder made; `rosbags` reckons the same for bags.
-    """
+    """`rosmsg md5` of what our builder made; `rosbags` reckons the same for bags."""
     names = [f"lta_semantic_map/{name}" for name in CHECKSUMS]
 
     for name, checksum in zip(names, CHECKSUMS.values(), strict=True):
@@ -107,9 +99,7 @@ def test_ros1_tools_see_the_checksums_of_catkin(ros1: RosWorld) -> None:
 def test_ros2_has_the_type_hashes_that_rosbags_reckons(
     name: str, jazzy: RosWorld, kilted: RosWorld
 ) -> None:
-    """
-    Nodes of other makers compare them; rosidl's generators wrote those of our builder.
-    """
+    """Nodes of other makers compare them; rosidl's generators wrote those of our builder."""
     expected = ros_types(2).hash_rihs01(name)
 
     for world in (jazzy, kilted):
@@ -131,9 +121,7 @@ print(on(package.exec_depends))
 
 
 def test_one_manifest_serves_both(ros1: RosWorld) -> None:
-    """
-    Read by catkin's own parser, which colcon uses, too: each ROS sees its own dependencies.
-    """
+    """Read by catkin's own parser, which colcon uses, too: each ROS sees its own dependencies."""
     with ros1.code(MANIFEST, PACKAGE / "package.xml", 1) as of_ros1:
         tools, build_type, groups, needs = of_ros1.finish().split("\n")[:4]
         assert ("catkin", "catkin", "") == (tools, build_type, groups)
@@ -149,9 +137,7 @@ def test_one_manifest_serves_both(ros1: RosWorld) -> None:
 
 
 def test_the_version_is_the_packages() -> None:
-    """
-    A workspace says which release its messages are of.
-    """
+    """A workspace says which release its messages are of."""
     pyproject = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     manifest = ET.parse(PACKAGE / "package.xml").getroot()
 
@@ -166,10 +152,7 @@ COSTMAPS = sorted({*PACKAGE.glob("launch/*")} - {*NODES})
 
 @pytest.mark.parametrize("path", NODES, ids=lambda path: path.name)
 def test_launch_files_start_what_is_there(path: Path) -> None:
-    """
-    They parse, and the executable that they name is one of the scripts. ROS 2's cannot be run here:
-    its `launch` is to be had neither from Debian nor as a wheel.
-    """
+    """They parse, and the executable that they name is one of the scripts."""
     text = path.read_text(encoding="utf-8")
 
     if path.suffix == ".py":
@@ -185,9 +168,7 @@ def test_launch_files_start_what_is_there(path: Path) -> None:
 
 @pytest.mark.parametrize("path", COSTMAPS, ids=lambda path: path.name)
 def test_launch_files_of_the_costmap_have_what_they_need(path: Path) -> None:
-    """
-    They include a launch file and parameters of the package, and hand on arguments that it takes.
-    """
+    """They include a launch file and parameters of the package."""
     text = path.read_text(encoding="utf-8")
     used = re.findall(r"\$\((?:find|find-pkg-share) lta_semantic_map\)/([\w./]+)", text)
     (include,) = ET.fromstring(text).iter("include")
@@ -203,9 +184,7 @@ def test_launch_files_of_the_costmap_have_what_they_need(path: Path) -> None:
 
 
 def test_roslaunch_loads_the_parameters_of_the_costmap(ros1: RosWorld) -> None:
-    """
-    As move_base reads them: under the costmap's static layer; and the server is started with it.
-    """
+    """As move_base reads them: under the costmap's static layer."""
     where = {"ROS_PACKAGE_PATH": str(PACKAGE.parent)}
     asked = ("lta_semantic_map", "costmap.launch", "log:=/my/log", "move_base:=mover")
 
@@ -229,9 +208,7 @@ def test_roslaunch_loads_the_parameters_of_the_costmap(ros1: RosWorld) -> None:
 def test_roslaunch_does_not_start_for_ever_what_would_fail_again(
     ros1: RosWorld, tmp_path: Path
 ) -> None:
-    """
-    Without a log: told once, though it starts a node again after two seconds.
-    """
+    """Without a log: told once, though it starts a node again after two seconds."""
     command = tmp_path / "semmap-log"
     command.write_text(f'#!/bin/sh\nexec {ros1.interpreter} -m semmap_log "$@"\n')
     command.chmod(0o755)
@@ -249,9 +226,7 @@ def test_roslaunch_does_not_start_for_ever_what_would_fail_again(
 
 
 def test_parameters_name_what_is_served() -> None:
-    """
-    Nav2's two ways, by their whole names.
-    """
+    """Nav2's two ways, by their whole names."""
     doors, keepout = (
         yaml.safe_load((PACKAGE / "param" / f"nav2_{name}.yaml").read_text(encoding="utf-8"))
         for name in ("doors", "keepout")
@@ -268,9 +243,7 @@ def test_parameters_name_what_is_served() -> None:
 
 
 def test_every_launch_and_parameter_file_is_installed() -> None:
-    """
-    By a build of one ROS or the other.
-    """
+    """By a build of one ROS or the other."""
     text = (PACKAGE / "CMakeLists.txt").read_text(encoding="utf-8")
 
     names = [str(p.relative_to(PACKAGE)) for kind in ("launch", "param")
@@ -282,9 +255,7 @@ def test_every_launch_and_parameter_file_is_installed() -> None:
 def test_catkin_make_builds_a_workspace_without_a_setup_file(
     ros1: RosWorld, tmp_path: Path
 ) -> None:
-    """
-    Debian's ROS 1 has none to source, so nothing says which ROS it is; what was built says it.
-    """
+    """Debian's ROS 1 has none to source, so nothing says which ROS it is."""
     if which("catkin_make") is None:
         pytest.skip("catkin_make is not installed")
     (tmp_path / "src").mkdir()
@@ -306,9 +277,7 @@ def test_catkin_make_builds_a_workspace_without_a_setup_file(
 def test_messages_without_a_workspace(
     ros1: RosWorld, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """
-    A folder for PYTHONPATH, which ROS's own Python needs no more than; a second time it stays.
-    """
+    """A folder for PYTHONPATH, which ROS's own Python needs no more than."""
     words = ("ros-package", tmp_path / "messages", "--messages")
     for said in ("written", "there already"):
         with ros1.python("-m", "semmap_log", *words) as made:
@@ -323,15 +292,12 @@ def test_messages_without_a_workspace(
         assert [CHECKSUMS["DoorMap"], CHECKSUMS["AddDoorAction"]] == used.finish().split()
 
     (tmp_path / "other" / "lta_semantic_map").mkdir(parents=True)
-    with pytest.raises(SystemExit, match=r"^1$"):
-        _run(tmp_path / "other", "--messages")
+    assert 1 == run("ros-package", tmp_path / "other", "--messages")
     assert "is there already, and has no messages of ROS 1 in it" in capsys.readouterr().err
 
 
 def test_rviz_shows_what_is_served() -> None:
-    """
-    The topics of its displays, by their whole names; and a workspace installs the file.
-    """
+    """The topics of its displays, by their whole names; and a workspace installs the file."""
     text = (PACKAGE / "rviz" / "doors.rviz").read_text(encoding="utf-8")
     displays = yaml.safe_load(text)["Visualization Manager"]["Displays"]
 
@@ -359,9 +325,7 @@ def test_scripts_start_our_verbs(script: str, verb: str) -> None:
 
 
 def test_scripts_say_what_is_missing() -> None:
-    """
-    Started by hand, outside of ROS.
-    """
+    """Started by hand, outside of ROS."""
     done = subprocess.run(
         [PACKAGE / "scripts" / "semmap_recorder", "log"], env={"PATH": os.environ["PATH"]},
         capture_output=True, text=True, check=False,
@@ -371,16 +335,9 @@ def test_scripts_say_what_is_missing() -> None:
     assert "ROS_VERSION: is not set: source the setup.bash of ROS" in done.stderr
 
 
-def _run(*arguments: object) -> None:
-    main(["ros-package", *map(str, arguments)])
-
-
 def test_a_workspace_gets_all_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Every file as it is here, the scripts executable; and it says how to go on.
-    """
-    with pytest.raises(SystemExit, match=r"^0$"):
-        _run(tmp_path)
+    """Every file as it is here, the scripts executable; and it says how to go on."""
+    assert 0 == run("ros-package", tmp_path)
 
     copied = {p.relative_to(tmp_path / PACKAGE.name): p.read_bytes() for p in _files(tmp_path)}
     assert {p.relative_to(PACKAGE): p.read_bytes() for p in _files(PACKAGE)} == copied
@@ -397,26 +354,20 @@ def _files(folder: Path) -> list[Path]:
 
 
 def test_a_second_copy_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    As a set-up script would do it at each start.
-    """
+    """As a set-up script would do it at each start."""
     for _ in range(2):
-        with pytest.raises(SystemExit, match=r"^0$"):
-            _run(tmp_path)
+        assert 0 == run("ros-package", tmp_path)
 
     assert "there already, the same" in capsys.readouterr().err
 
 
 def test_what_somebody_changed_stays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    A package of that name may be the robot's own; the first file that differs is named.
-    """
+    """A package of that name may be the robot's own; the first file that differs is named."""
     theirs = tmp_path / PACKAGE.name / "package.xml"
     theirs.parent.mkdir()
     theirs.write_text("theirs")
 
-    with pytest.raises(SystemExit, match=r"^1$"):
-        _run(tmp_path)
+    assert 1 == run("ros-package", tmp_path)
 
     assert "differs from this package (CMakeLists.txt differs)" in capsys.readouterr().err
     assert ["package.xml"] == [path.name for path in theirs.parent.iterdir()]
@@ -424,31 +375,8 @@ def test_what_somebody_changed_stays(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_a_workspace_must_be_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    A misspelt path makes no folder.
-    """
-    with pytest.raises(SystemExit, match=r"^1$"):
-        _run(tmp_path / "srcc")
+    """A misspelt path makes no folder."""
+    assert 1 == run("ros-package", tmp_path / "srcc")
 
     assert "no such folder; expected a workspace's src" in capsys.readouterr().err
     assert [] == list(tmp_path.iterdir())
-
-
-@pytest.mark.slow
-def test_all_of_it_is_in_the_wheel(tmp_path: Path) -> None:
-    """
-    A wheel as pip builds it from this checkout holds every file, and leaves the scripts executable.
-    """
-    done = subprocess.run(
-        [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", tmp_path, ROOT],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    if done.returncode and "build dependencies" in done.stderr:
-        pytest.skip(f"what builds wheels cannot be had here: {done.stderr.strip()[-300:]}")
-    assert 0 == done.returncode, done.stderr
-
-    with ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
-        modes = {entry.filename: entry.external_attr >> 16 for entry in wheel.infolist()}
-    names = [str(path.relative_to(ROOT)) for path in _files(PACKAGE.parent)]
-    assert [] == [name for name in names if name not in modes]
-    assert all(modes[name] & 0o111 for name in names if "/scripts/" in name)

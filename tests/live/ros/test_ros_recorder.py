@@ -56,9 +56,7 @@ _MESSAGES = st.lists(
 @settings(max_examples=25, deadline=None)
 @given(_MESSAGES)
 def test_live_or_from_a_bag_the_events_are_the_same(drawn: list[Any]) -> None:
-    """
-    Of any stream of messages, good and bad: happened times, values, order, complaints.
-    """
+    """Of any stream of messages, good and bad: happened times, values, order, complaints."""
     said, at_ns = [], START
     for each in drawn:
         if isinstance(each, dict):
@@ -99,9 +97,7 @@ def _events(path: Path) -> list[str]:
 
 
 def test_a_topic_that_is_published_late_is_found(tmp_path: Path) -> None:
-    """
-    One whose type the mapping does not tell is subscribed to as soon as somebody offers it.
-    """
+    """One whose type the mapping does not tell is subscribed to as soon as somebody offers it."""
     name, data = ROBOT.said("Bool", True)
     mapping = RosMapping({"/contact": TopicRule(ReadSensor("front"))})
 
@@ -123,9 +119,7 @@ def test_a_topic_that_is_published_late_is_found(tmp_path: Path) -> None:
 
 
 def test_a_type_that_is_not_installed_is_told_once(tmp_path: Path) -> None:
-    """
-    Its topic is left out, the recorder runs.
-    """
+    """Its topic is left out, the recorder runs."""
     mapping = RosMapping({"/odd": TopicRule(ReadSensor("front"), "odd_msgs/msg/Odd")})
     node = MemoryNode(lambda _: None, {"/odd": "odd_msgs/msg/Odd"})
 
@@ -137,9 +131,7 @@ def test_a_type_that_is_not_installed_is_told_once(tmp_path: Path) -> None:
 
 
 def test_a_message_that_no_log_takes_is_left_out_and_the_others_are_stored(tmp_path: Path) -> None:
-    """
-    A name of whoever asks that is longer than a note may be: complained about, once.
-    """
+    """A name of whoever asks that is longer than a note may be: complained about, once."""
 
     def during(node: MemoryNode) -> None:
         node.say(Said("/door_states", *ROBOT.door_state("front", 2, START), START))
@@ -160,9 +152,7 @@ def test_a_message_that_no_log_takes_is_left_out_and_the_others_are_stored(tmp_p
 def test_what_comes_too_fast_for_the_disk_is_dropped_and_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    The newest messages go, and it is said; what waited is written.
-    """
+    """The newest messages go, and it is said; what waited is written."""
     monkeypatch.setattr(ros_recorder, "MOST_WAITING", 10)
     goes_on = threading.Event()
 
@@ -187,9 +177,7 @@ def test_what_comes_too_fast_for_the_disk_is_dropped_and_counted(
 
 
 def test_what_was_received_is_written_though_the_recorder_was_told_to_stop(tmp_path: Path) -> None:
-    """
-    All that came before, however much waits for the disk: more than share a sync, too.
-    """
+    """All that came before, however much waits for the disk: more than share a sync, too."""
     told_to_stop = threading.Event()
 
     class SlowSink(LogSink):
@@ -215,9 +203,7 @@ def test_what_was_received_is_written_though_the_recorder_was_told_to_stop(tmp_p
 def test_messages_that_wait_share_a_sync(
     durability: str, synced: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Of those that a disk has to hold at once; without that promise there is none.
-    """
+    """Of those that a disk has to hold at once; without that promise there is none."""
     syncs: list[int] = []
     real = os.fdatasync
 
@@ -235,9 +221,7 @@ def test_messages_that_wait_share_a_sync(
 
 
 def test_a_write_that_fails_ends_the_recording(tmp_path: Path) -> None:
-    """
-    The node is left, and the error is that of the log.
-    """
+    """The node is left, and the error is that of the log."""
 
     class FullDisk(LogSink):
         def write(self, events: list[Event], note: Note) -> None:
@@ -261,9 +245,7 @@ def test_a_write_that_fails_ends_the_recording(tmp_path: Path) -> None:
 
 
 def test_what_the_map_forbids_is_told_and_the_log_looked_at_again(tmp_path: Path) -> None:
-    """
-    Nothing of it is taken for known: the next message brings it again.
-    """
+    """Nothing of it is taken for known: the next message brings it again."""
 
     class Strict(LogSink):
         refused = 0
@@ -292,9 +274,7 @@ def test_what_the_map_forbids_is_told_and_the_log_looked_at_again(tmp_path: Path
 
 
 def test_a_level_that_is_not_there_is_told_before_anything_is_recorded(tmp_path: Path) -> None:
-    """
-    With the topic that names it.
-    """
+    """With the topic that names it."""
     mapping = RosMapping({"/doors": TopicRule(ReadDoorMap(level="attic"))})
 
     with sl.create(tmp_path / "log", tz="UTC") as log:
@@ -310,9 +290,7 @@ def test_a_level_that_is_not_there_is_told_before_anything_is_recorded(tmp_path:
 def test_a_name_that_ros_cannot_have_is_told_before_anything_is_recorded(
     tmp_path: Path, name: str
 ) -> None:
-    """
-    ROS 1 would warn and wait for ever, rclpy raises what only its authors understand.
-    """
+    """ROS 1 would warn and wait for ever, rclpy raises what only its authors understand."""
     mapping = RosMapping({name: TopicRule(ReadSensor("front"))})
 
     with sl.create(tmp_path / "log", tz="UTC") as log:
@@ -325,9 +303,7 @@ def test_a_name_that_ros_cannot_have_is_told_before_anything_is_recorded(
 
 
 def test_a_topic_that_comes_late_and_cannot_be_read_ends_nothing(tmp_path: Path) -> None:
-    """
-    A second DoorMap in a log of two levels is left out, aloud; what was recorded before goes on.
-    """
+    """A second DoorMap in a log of two levels is left out, aloud."""
     rules = {
         "/lta_semantic_map_door_db": TopicRule(ReadDoorMap(level="0")),
         "/door_states": TopicRule(ReadRmfState(level="1")),
@@ -354,9 +330,7 @@ def test_a_topic_that_comes_late_and_cannot_be_read_ends_nothing(tmp_path: Path)
 
 
 def test_while_ros_does_not_answer_it_goes_on(tmp_path: Path) -> None:
-    """
-    As while ROS 1's master is away: told once, and once more when it is back.
-    """
+    """As while ROS 1's master is away: told once, and once more when it is back."""
     mapping = RosMapping({"/states": TopicRule(ReadRmfState(), "rmf_door_msgs/msg/DoorState")})
 
     class Alone(MemoryNode):

@@ -38,11 +38,9 @@ print("heard", heard[0].door_db[0].door_id)
 }
 
 
-def test_nodes_speak_the_messages_of_the_thesis(ros: RosWorld) -> None:
-    """
-    Its interpreter has a ROS that works, and the messages that were built for it.
-    """
-    said = ros.code(TALK_AND_LISTEN[ros.version]).finish()
+def test_nodes_speak_the_messages_of_the_thesis(every_ros: RosWorld) -> None:
+    """Its interpreter has a ROS that works, and the messages that were built for it."""
+    said = every_ros.code(TALK_AND_LISTEN[every_ros.version]).finish()
 
     assert "heard 7" in said
 
@@ -56,9 +54,7 @@ def network() -> NetworkNamespace:
 
 
 def test_nothing_survives_its_network(network: NetworkNamespace, tmp_path: Path) -> None:
-    """
-    Not even the children of a process that was started in it, nor one that heeds no signal.
-    """
+    """Not even the children of a process that was started in it, nor one that heeds no signal."""
     script = "import os, signal, time; signal.signal(15, signal.SIG_IGN); os.fork(); "
     script += "print(os.getpid(), flush=True); time.sleep(600)"
     with (tmp_path / "stdout").open("wb") as out:
@@ -84,9 +80,7 @@ def _is_alive(pid: int) -> bool:
 def test_what_is_not_set_up_is_named_with_its_remedy(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Tests that skip say what to run.
-    """
+    """Tests that skip say what to run."""
     monkeypatch.setenv("SEMMAP_ROS", str(tmp_path))
 
     with pytest.raises(NotSetUpError, match=r"ROS 1 is not set up.*tools/set_up_ros.py ros1"):

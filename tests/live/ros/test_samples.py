@@ -33,9 +33,7 @@ def served(ros: RosWorld, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 
 
 def test_the_sample_client_does_what_its_docstring_says(ros: RosWorld, served: Path) -> None:
-    """
-    It knows the ROS package alone; what it did is in the log, and who it was.
-    """
+    """It knows the ROS package alone; what it did is in the log, and who it was."""
     sample = SAMPLES / f"ros{ros.version}_client.py"
     assert "semmap_log" not in sample.read_text()
 
@@ -50,9 +48,7 @@ def test_the_sample_client_does_what_its_docstring_says(ros: RosWorld, served: P
 
 
 def test_call_adds_a_door_without_probabilities(ros: RosWorld, served: Path) -> None:
-    """
-    Our server is known by what it publishes: a probability that is not given is none there.
-    """
+    """Our server is known by what it publishes: a probability that is not given is none there."""
     words = ("add", "--from", "1,2", "--to", "1,3", "--timeout", 60)
 
     door = sl.DoorId(int(ros.semmap("call", *words, ros.option).finish()))

@@ -74,16 +74,21 @@ def _told(answer: dict[str, Any]) -> tuple[Any, Any]:
     return answer["status"], value
 
 
-def test_a_day_of_the_server(ros: RosWorld, path: Path) -> None:
+def test_a_day_of_the_server(every_ros: RosWorld, path: Path) -> None:
     """
     Filled from its file; each field alone, bad goals, a watcher that only reads, a late subscriber;
     a goal that is sent again, at once and to the server that is started again, is answered as
     before; another with its id is not.
     """
-    file = path.parent / "doors.yaml"
+    ros, file = every_ros, path.parent / "doors.yaml"
     with (
         _serve(ros, path, "--yaml", file, "--costmap") as server,
-        _serve(ros, path, "--read-only", *_in_namespace(ros, "watcher", add_door="doors/add")),
+        _serve(
+            ros,
+            path,
+            "--read-only",
+            *_in_namespace(ros, "watcher", add_door="doors/add"),
+        ),
         StockClient(ros, "client") as client,
     ):
         client.wait(DB, [FIRST])
@@ -136,7 +141,10 @@ def test_a_day_of_the_server(ros: RosWorld, path: Path) -> None:
     commit = next(c for c in sl.read(path).commits() if c.note.source == "action RemoveDoor")
     assert "/client" == commit.note.actor
 
-    with _serve(ros, path, "--yaml", file) as server, StockClient(ros, "client") as client:
+    with (
+        _serve(ros, path, "--yaml", file) as server,
+        StockClient(ros, "client") as client,
+    ):
         again = [
             client.goal("AddDoor", f"{1:032x}", **DOOR),
             client.goal("RemoveDoor", f"{2:032x}", door_id=2),
@@ -176,10 +184,7 @@ def test_a_patrol_under_way(ros: RosWorld, tmp_path: Path) -> None:
 
 
 def test_a_database_of_the_thesis_that_counts_from_0(ros: RosWorld, path: Path) -> None:
-    """
-    Its door 0 is updated, saved and removed as any; a door without a probability is saved; files go
-    where the server says, with --yaml and without. The old file brings a removed door back.
-    """
+    """Its door 0 is updated, saved and removed as any; a door without a probability is saved."""
     file = path.parent / "doors.yaml"
     partial = YAML.replace("  closed_prob: 0.25\n", "")
     file.write_text(partial.replace("1:\n", "0:\n", 1) + partial)
@@ -235,10 +240,7 @@ GOALS = 25
 def test_a_server_that_is_killed_loses_no_result(
     request: pytest.FixtureRequest, leg: str, path: Path
 ) -> None:
-    """
-    Two clients at once, a power cut in the middle: what either was told is in the log, each goal at
-    most once; the next server goes on with the numbers, and answers all goals that are sent again.
-    """
+    """Two clients at once, a power cut in the middle."""
     ros: RosWorld = request.getfixturevalue(leg)
     asks = [[_asked(which, i) for i in range(GOALS)] for which in range(2)]
     told: dict[str, int] = {}
@@ -296,9 +298,7 @@ def _ids_by_goal(path: Path) -> dict[str, int]:
 
 
 def test_a_full_disk_aborts_goals_until_there_is_room(ros1: RosWorld, path: Path) -> None:
-    """
-    The server stays alive, and goes on as soon as somebody makes room; nothing half is stored.
-    """
+    """The server stays alive, and goes on as soon as somebody makes room."""
     disk = path.parent / "disk"
     disk.mkdir()
     if not _may_mount(ros1):

@@ -24,9 +24,7 @@ def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_what_is_there_is_left_alone(made: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    The second time nothing is made, and it says so.
-    """
+    """The second time nothing is made, and it says so."""
     set_up_ros._set_up(LEG)
     set_up_ros._set_up(LEG)
 
@@ -37,9 +35,7 @@ def test_what_is_there_is_left_alone(made: list[str], capsys: pytest.CaptureFixt
 def test_another_message_is_built_into_the_same_environment(
     made: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A definition that was changed takes the messages alone.
-    """
+    """A definition that was changed takes the messages alone."""
     set_up_ros._set_up(LEG)
     monkeypatch.setattr(legs.Leg, "packages", [])
     set_up_ros._set_up(LEG)
@@ -48,9 +44,7 @@ def test_another_message_is_built_into_the_same_environment(
 
 
 def test_a_failure_is_no_set_up(made: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    What broke off is tried again.
-    """
+    """What broke off is tried again."""
 
     def fail(leg: legs.Leg) -> None:
         raise set_up_ros.SetUpError("no compiler")
@@ -65,9 +59,7 @@ def test_a_failure_is_no_set_up(made: list[str], monkeypatch: pytest.MonkeyPatch
 
 
 def test_who_is_not_root_is_told_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    As a command to copy.
-    """
+    """As a command to copy."""
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
 
     with pytest.raises(set_up_ros.SetUpError, match=r"sudo apt-get install .* no-such-package$"):
@@ -77,9 +69,7 @@ def test_who_is_not_root_is_told_what_to_install(monkeypatch: pytest.MonkeyPatch
 def test_a_folder_that_is_no_environment_is_not_removed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    $SEMMAP_ROS may point anywhere.
-    """
+    """$SEMMAP_ROS may point anywhere."""
     monkeypatch.setenv("SEMMAP_ROS", str(tmp_path))
     LEG.folder.mkdir()
 
@@ -90,9 +80,7 @@ def test_a_folder_that_is_no_environment_is_not_removed(
 
 
 def test_an_unknown_ros_is_a_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    Exit code 2, with those that there are.
-    """
+    """Exit code 2, with those that there are."""
     with pytest.raises(SystemExit, match=r"^2$"):
         set_up_ros.main(["humble"])
 

@@ -37,8 +37,8 @@ from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.rerun.recording import save_rrd
-from tests.cli.test_verify import semmap
 from tests.log.trimming.logs import MinuteClock
+from tests.verbs import ran as semmap
 
 SECOND_NS = 10**9
 DAY_NS = 86_400 * SECOND_NS

@@ -26,9 +26,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Evaluation:
 
 @pytest.mark.slow
 def test_a_dot_stands_where_a_bin_says_and_what_came(found: Evaluation) -> None:
-    """
-    At the mean forecast and the share that came; the fullest bin has the greatest dot.
-    """
+    """At the mean forecast and the share that came; the fullest bin has the greatest dot."""
     diagram = draw_calibration(found, name="x").axes[0]
 
     rows = found.reliability["schedule"].rows()
@@ -38,9 +36,7 @@ def test_a_dot_stands_where_a_bin_says_and_what_came(found: Evaluation) -> None:
 
 
 def test_the_bars_count_the_forecasts_of_each_bin(found: Evaluation) -> None:
-    """
-    Ten of them, all panels to one scale, with the number above each that is not empty.
-    """
+    """Ten of them, all panels to one scale, with the number above each that is not empty."""
     figure = draw_calibration(found, name="x")
 
     counts = found.reliability["schedule"].count
@@ -53,9 +49,7 @@ def test_the_bars_count_the_forecasts_of_each_bin(found: Evaluation) -> None:
 
 
 def test_axes_and_lines_have_their_names(found: Evaluation) -> None:
-    """
-    Each estimator its panel, with its figures; forecasts along, outcomes up; one legend.
-    """
+    """Each estimator its panel, with its figures; forecasts along, outcomes up; one legend."""
     figure = draw_calibration(found, name="a$b")
 
     shown = [axes for axes in figure.axes if axes.get_visible()]
@@ -73,9 +67,7 @@ def test_axes_and_lines_have_their_names(found: Evaluation) -> None:
 
 @pytest.mark.slow
 def test_the_same_diagram_is_the_same_file(found: Evaluation, tmp_path: Path) -> None:
-    """
-    No time, no random names in it.
-    """
+    """No time, no random names in it."""
     for name in ("a.svg", "b.svg"):
         plot_calibration(found, tmp_path / name, name="x")
 

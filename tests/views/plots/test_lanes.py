@@ -51,9 +51,7 @@ def drawn_at(figure: Any, lane: int, ns: int) -> list[Rgb]:
 
 @pytest.mark.slow
 def test_at_any_moment_a_lane_has_the_colour_that_a_replay_shows(office: sl.DoorLog) -> None:
-    """
-    A lane a door below that of the rounds, in the order of their ids.
-    """
+    """A lane a door below that of the rounds, in the order of their ids."""
     dice = random.Random(7)
     lanes = Lanes.of(office)
 
@@ -70,9 +68,7 @@ def test_at_any_moment_a_lane_has_the_colour_that_a_replay_shows(office: sl.Door
 
 
 def test_a_round_is_drawn_from_its_start_to_its_end(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    A lane a robot; what goes on reaches the right edge, what nobody saw begin the left one.
-    """
+    """A lane a robot; what goes on reaches the right edge, what nobody saw begin the left one."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         begin_ns = clock.now_ns - DAY_NS
         log.add_door(at=f"@{begin_ns}")
@@ -96,9 +92,7 @@ def test_a_round_is_drawn_from_its_start_to_its_end(tmp_path: Path, clock: Stead
 
 
 def test_heights_say_the_same_as_colours(office: sl.DoorLog) -> None:
-    """
-    Open is highest, unknown a line; in the colour-blind palette as well.
-    """
+    """Open is highest, unknown a line; in the colour-blind palette as well."""
     for palette in (DEFAULT, COLOUR_BLIND):
         found = bars(draw_lanes(Lanes.of(office), palette))
 
@@ -110,9 +104,7 @@ def test_heights_say_the_same_as_colours(office: sl.DoorLog) -> None:
 
 
 def test_of_very_many_intervals_each_column_shows_the_longest() -> None:
-    """
-    A door that is open for 9 s of every 10 s, for a month, is drawn in some thousand bars: open.
-    """
+    """A door that is open for 9 s of every 10 s, for a month, is drawn in some thousand bars."""
     start = np.arange(250_000, dtype=np.int64) * 10 * 10**9
     start = np.stack([start, start + 9 * 10**9], -1).ravel()
     state = np.tile(np.array([DoorState.OPEN, DoorState.CLOSED], np.uint8), 250_000)
@@ -127,9 +119,7 @@ def test_of_very_many_intervals_each_column_shows_the_longest() -> None:
 
 
 def test_many_lanes_do_not_look_at_each_other(office: sl.DoorLog) -> None:
-    """
-    The axes are set, not found anew from all bars at each lane: thousands would take minutes.
-    """
+    """The axes are set, not found anew from all bars at each lane: thousands would take minutes."""
     panel = draw_lanes(Lanes.of(office)).axes[0]
 
     assert (False, False) == (panel.get_autoscalex_on(), panel.get_autoscaley_on())
@@ -137,9 +127,7 @@ def test_many_lanes_do_not_look_at_each_other(office: sl.DoorLog) -> None:
 
 @pytest.mark.parametrize("name", ["a.svg", "a.png"])
 def test_the_same_lanes_are_the_same_file(name: str, office: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    No time of making, no random names in it.
-    """
+    """No time of making, no random names in it."""
     plot_lanes(Lanes.of(office), tmp_path / name)
     first = (tmp_path / name).read_bytes()
 
@@ -150,9 +138,7 @@ def test_the_same_lanes_are_the_same_file(name: str, office: sl.DoorLog, tmp_pat
 
 @pytest.mark.filterwarnings("error")
 def test_a_log_of_one_moment_has_a_picture(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    A door that was only just added; its name in letters that mean something to matplotlib.
-    """
+    """A door that was only just added; its name in letters that mean something to matplotlib."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         log.annotate(log.add_door(), "name", "a$b$ 門")
         lanes = Lanes.of(log)
@@ -164,9 +150,7 @@ def test_a_log_of_one_moment_has_a_picture(tmp_path: Path, clock: SteadyClock) -
 
 @pytest.mark.slow
 def test_days_are_told_by_their_names_above_many_lanes_too() -> None:
-    """
-    Over the clinic's week each midnight says which day begins; of three doors, below only.
-    """
+    """Over the clinic's week each midnight says which day begins; of three doors, below only."""
     clinic = draw_lanes(Lanes.of(sl.read(OFFICE.parent / "clinic_week")))
     few = draw_lanes(Lanes.of(sl.read(OFFICE)))
 
@@ -182,9 +166,7 @@ def test_days_are_told_by_their_names_above_many_lanes_too() -> None:
 def test_names_are_written_in_a_font_that_has_their_letters(
     tmp_path: Path, clock: SteadyClock
 ) -> None:
-    """
-    Where there is a font with Chinese letters, two names of one length are two pictures.
-    """
+    """Where there is a font with Chinese letters, two names of one length are two pictures."""
     from matplotlib import font_manager
 
     if not {"Noto Sans CJK SC", "Noto Sans CJK JP"} & set(font_manager.get_font_names()):
@@ -200,9 +182,7 @@ def test_names_are_written_in_a_font_that_has_their_letters(
 
 
 def test_the_axis_is_true_where_clocks_are_turned_back(tmp_path: Path) -> None:
-    """
-    New York, 1 November 2026: one o'clock comes twice, and labels lie beside each other.
-    """
+    """New York, 1 November 2026: one o'clock comes twice, and labels lie beside each other."""
     with sl.create(tmp_path / "log", tz="America/New_York", clock=SteadyClock(2 * 10**18)) as log:
         door = log.add_door(x=0, y=0, theta=0, width=1, at="2026-11-01T00:00")
         log.observe(door, "open", at="2026-11-01T03:00")
@@ -222,9 +202,7 @@ def test_the_axis_is_true_where_clocks_are_turned_back(tmp_path: Path) -> None:
 
 
 def test_a_name_without_letters_gives_way_to_the_number(tmp_path: Path, clock: SteadyClock) -> None:
-    """
-    In a .png, of doors and of robots; an .svg keeps what it is told.
-    """
+    """In a .png, of doors and of robots; an .svg keeps what it is told."""
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         log.append([PatrolStarted(patrol=1)], note=Note(actor="\U00013002"))
         for name in ("front", "\U00013000\U00013001", "Tür 2 🚪"):

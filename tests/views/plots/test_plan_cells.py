@@ -13,9 +13,7 @@ def plan(cells: np.ndarray) -> FloorMap:
 
 
 def test_a_small_plan_is_shown_as_it_is() -> None:
-    """
-    All of its cells, where they are.
-    """
+    """All of its cells, where they are."""
     cells = np.arange(12, dtype=np.int8).reshape(3, 4)
 
     shown, covered = plan_cells(plan(cells))
@@ -25,9 +23,7 @@ def test_a_small_plan_is_shown_as_it_is() -> None:
 
 
 def test_of_a_large_plan_no_wall_is_lost() -> None:
-    """
-    Blocks of 3 x 3 cells, the last ones cut off; a block is what its most occupied cell is.
-    """
+    """Blocks of 3 x 3 cells, the last ones cut off; a block is what its most occupied cell is."""
     cells = np.full((10, 11), -1, np.int8)
     cells[4, :] = 0
     cells[:, 10] = 100

@@ -11,9 +11,7 @@ ROOM = np.stack(np.meshgrid(np.linspace(0, 10, 50), np.linspace(0, 6, 40)), axis
 
 
 def test_a_building_fills_its_picture_though_some_beams_went_far() -> None:
-    """
-    Through a window, or a mirror.
-    """
+    """Through a window, or a mirror."""
     far = np.array([[80.0, 90.0], [-70.0, 3.0], [5.0, -60.0]])
 
     shown = extent_of(np.concatenate([ROOM, far]), None, [])
@@ -23,9 +21,7 @@ def test_a_building_fills_its_picture_though_some_beams_went_far() -> None:
 
 @pytest.mark.parametrize("walls", [None, np.array([[-5.0, 2.0], [3.0, 9.0]])])
 def test_walls_and_proposed_doors_are_shown_whole(walls: Floats | None) -> None:
-    """
-    Wherever few beams ended.
-    """
+    """Wherever few beams ended."""
     lower, upper = extent_of(ROOM, walls, [(14.5, 3.0)])
 
     assert upper[0] >= 14.5

@@ -14,9 +14,7 @@ from semmap_log.views.plots.figures import DPI, MOST_PIXELS, new_figure, save_fi
 
 
 def test_a_figure_beyond_what_matplotlib_draws_is_drawn_smaller(tmp_path: Path) -> None:
-    """
-    Four thousand lanes are higher than a picture may be: with fewer pixels an inch they fit.
-    """
+    """Four thousand lanes are higher than a picture may be: with fewer pixels an inch they fit."""
     inches = 1.5 * MOST_PIXELS / DPI
 
     save_figure(new_figure(1, inches), tmp_path / "x.png")

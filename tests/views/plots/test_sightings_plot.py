@@ -42,9 +42,7 @@ def _words(figure: object) -> list[str]:
 
 @pytest.mark.parametrize("palette", [DEFAULT, COLOUR_BLIND], ids=["default", "colour-blind"])
 def test_a_picture_shows_line_leaf_beams_and_the_way(palette: Palette) -> None:
-    """
-    The leaf in the colour of what is said, on the door's line if it is shut.
-    """
+    """The leaf in the colour of what is said, on the door's line if it is shut."""
     shut, wide = draw_sightings([_pictures()], tz="UTC", palette=palette).axes
 
     beams, leaf = shut.collections
@@ -64,9 +62,7 @@ def test_a_picture_shows_line_leaf_beams_and_the_way(palette: Palette) -> None:
 
 @pytest.mark.parametrize("visits", [1, 2, 3, 4, 6])
 def test_the_key_has_room_in_pictures_of_any_width(visits: int) -> None:
-    """
-    Whole, below the pictures of visits and above the note.
-    """
+    """Whole, below the pictures of visits and above the note."""
     figure = draw_sightings([_pictures(visits=visits)], tz="UTC")
 
     figure.draw_without_rendering()
@@ -77,9 +73,7 @@ def test_the_key_has_room_in_pictures_of_any_width(visits: int) -> None:
 
 
 def test_words_tell_the_door_its_figures_and_each_visit() -> None:
-    """
-    And a key tells what the colours mean.
-    """
+    """And a key tells what the colours mean."""
     figure = draw_sightings([_pictures(behind_m=0.1)], tz="Europe/Vienna")
 
     words = _words(figure)
@@ -93,9 +87,7 @@ def test_words_tell_the_door_its_figures_and_each_visit() -> None:
 
 
 def test_each_door_has_its_row_and_none_lies_on_another() -> None:
-    """
-    Whatever the number of their visits.
-    """
+    """Whatever the number of their visits."""
     doors = [_pictures(f"door {n}", visits) for n, visits in enumerate((6, 1, 8))]
 
     figure = draw_sightings(doors, tz="UTC")
@@ -111,9 +103,7 @@ def test_each_door_has_its_row_and_none_lies_on_another() -> None:
 
 
 def test_of_many_doors_the_first_are_drawn_and_it_is_said() -> None:
-    """
-    A picture has an end.
-    """
+    """A picture has an end."""
     figure = draw_sightings([_pictures(f"d{n}", 1) for n in range(MOST_DOORS + 3)], tz="UTC")
 
     assert len(figure.axes) == MOST_DOORS
@@ -122,9 +112,7 @@ def test_of_many_doors_the_first_are_drawn_and_it_is_said() -> None:
 
 @pytest.mark.slow
 def test_the_same_visits_are_the_same_file(tmp_path: Path) -> None:
-    """
-    No time, no random names in it.
-    """
+    """No time, no random names in it."""
     for name in ("a.svg", "b.svg", "a.png", "b.png"):
         plot_sightings([_pictures()], tmp_path / name, tz="UTC")
 
@@ -144,9 +132,7 @@ def test_the_same_visits_are_the_same_file(tmp_path: Path) -> None:
     ids=["hieroglyph", "escape", "formula", "CJK"],
 )
 def test_doors_may_be_called_anything(name: str, shown: str) -> None:
-    """
-    No formula is set, no sign steers anything; a name without shapes gives way to the number.
-    """
+    """No formula is set, no sign steers anything; a name without shapes gives way to the number."""
     figure = draw_sightings([_pictures(name)], tz="UTC", letters=lambda c: c < "\U00010000")
 
     assert _words(figure)[0] == shown
@@ -154,9 +140,7 @@ def test_doors_may_be_called_anything(name: str, shown: str) -> None:
 
 
 def test_a_reason_from_outside_is_cut_and_steers_nothing() -> None:
-    """
-    It is read from a file.
-    """
+    """It is read from a file."""
     door = _pictures(visits=1)
     visit = replace(door.visits[0].visit, state=DoorState.UNKNOWN, why="\x1b[2J" + "x" * 500)
     door = replace(door, visits=[replace(door.visits[0], visit=visit)])
@@ -168,9 +152,7 @@ def test_a_reason_from_outside_is_cut_and_steers_nothing() -> None:
 
 
 def test_a_door_that_was_only_driven_through_has_its_head_alone() -> None:
-    """
-    There is no scan to be drawn.
-    """
+    """There is no scan to be drawn."""
     (figures,) = door_figures([seen_visit(passed=True)[0]])
 
     figure = draw_sightings(

@@ -27,9 +27,7 @@ def weeks(tmp_path_factory: pytest.TempPathFactory) -> list[TypicalWeek]:
 
 
 def test_cells_are_coloured_where_known_and_hatched_elsewhere(weeks: list[TypicalWeek]) -> None:
-    """
-    The colours are the probabilities; under what is masked lies a hatched ground.
-    """
+    """The colours are the probabilities; under what is masked lies a hatched ground."""
     front = weeks[0]
 
     panel = draw_weeks([front], "week").axes[0]
@@ -43,9 +41,7 @@ def test_cells_are_coloured_where_known_and_hatched_elsewhere(weeks: list[Typica
 
 
 def test_unsure_cells_bear_a_dot(weeks: list[TypicalWeek]) -> None:
-    """
-    Those that are known, and whose interval is wide.
-    """
+    """Those that are known, and whose interval is wide."""
     hours = weeks[0].hours
 
     panel = draw_weeks([weeks[0]], "week").axes[0]
@@ -56,9 +52,7 @@ def test_unsure_cells_bear_a_dot(weeks: list[TypicalWeek]) -> None:
 
 
 def test_hours_have_their_band(weeks: list[TypicalWeek]) -> None:
-    """
-    A step and a band for each hour that was seen; the eleven others are hatched.
-    """
+    """A step and a band for each hour that was seen; the eleven others are hatched."""
     hours = weeks[0].by_hour()
 
     panel = draw_weeks([weeks[0]], "hour").axes[0]
@@ -73,9 +67,7 @@ def test_hours_have_their_band(weeks: list[TypicalWeek]) -> None:
 
 @pytest.mark.parametrize("doors", [1, 3, 19])
 def test_each_door_has_a_panel_with_its_name(doors: int, weeks: list[TypicalWeek]) -> None:
-    """
-    Zone, estimator and moment stand above; a door never seen says so in its title.
-    """
+    """Zone, estimator and moment stand above; a door never seen says so in its title."""
     shown = [weeks[i % 3] for i in range(doors)]
 
     figure = draw_weeks(shown, "week")
@@ -89,9 +81,7 @@ def test_each_door_has_a_panel_with_its_name(doors: int, weeks: list[TypicalWeek
 
 @pytest.mark.slow
 def test_the_same_plot_is_the_same_file(weeks: list[TypicalWeek], tmp_path: Path) -> None:
-    """
-    No time, no random names in it.
-    """
+    """No time, no random names in it."""
     for name in ("a.svg", "b.svg", "a.png", "b.png"):
         plot_weeks(weeks, tmp_path / name)
 
@@ -100,9 +90,7 @@ def test_the_same_plot_is_the_same_file(weeks: list[TypicalWeek], tmp_path: Path
 
 
 def test_what_cannot_be_written_is_an_error(weeks: list[TypicalWeek], tmp_path: Path) -> None:
-    """
-    Another format, a folder that is not there; nothing is left behind.
-    """
+    """Another format, a folder that is not there; nothing is left behind."""
     with pytest.raises(FormatError, match=r"x\.gif: expected a name that ends in \.png or \.svg"):
         plot_weeks(weeks, tmp_path / "x.gif")
     with pytest.raises(OutputError, match="could not be written"):
@@ -112,9 +100,7 @@ def test_what_cannot_be_written_is_an_error(weeks: list[TypicalWeek], tmp_path: 
 
 
 def test_without_matplotlib_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    As if it had never been installed.
-    """
+    """As if it had never been installed."""
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     for name in ("figures", "typical_weeks"):
         monkeypatch.delitem(sys.modules, f"semmap_log.views.plots.{name}", raising=False)
@@ -124,9 +110,7 @@ def test_without_matplotlib_it_says_what_to_install(monkeypatch: pytest.MonkeyPa
 
 
 def test_a_name_without_letters_gives_way_to_the_number(weeks: list[TypicalWeek]) -> None:
-    """
-    In a .png, whose fonts have no hieroglyphs; an .svg keeps them, for whoever has the font.
-    """
+    """In a .png, whose fonts have no hieroglyphs; an .svg keeps them, for whoever has the font."""
     door = replace(weeks[0].door, annotations={"name": "\U00013000 hall"})
     hieroglyph = replace(weeks[0], door=door)
 
@@ -139,9 +123,7 @@ def test_a_name_without_letters_gives_way_to_the_number(weeks: list[TypicalWeek]
 
 
 def test_of_hundreds_of_doors_the_first_are_drawn_and_counted(weeks: list[TypicalWeek]) -> None:
-    """
-    As many as have lanes on a page of the report; it says how many there are.
-    """
+    """As many as have lanes on a page of the report; it says how many there are."""
     page = resources.files("semmap_log.views.report").joinpath("page")
     lanes = re.search(
         r"LANES_ON_A_PAGE = (\d+)", page.joinpath("lanes.js").read_text(encoding="utf-8")
@@ -156,9 +138,6 @@ def test_of_hundreds_of_doors_the_first_are_drawn_and_counted(weeks: list[Typica
 
 
 def test_titles_tell_doors_of_one_name_apart(weeks: list[TypicalWeek]) -> None:
-    """
-    By their levels.
-    """
     other = replace(weeks[0], door=replace(weeks[0].door, door_id=DoorId(77)), level_name="L2")
 
     figure = draw_weeks([replace(weeks[0], level_name="L1"), other], "week")

@@ -28,9 +28,7 @@ def is_in(bounds: list[float], x: float, y: float) -> bool:
 
 
 def test_a_level_has_a_plan_for_each_time(anew: sl.DoorLog) -> None:
-    """
-    Picture, rooms and bounds; doors and robots of a time lie within those of its plan.
-    """
+    """Picture, rooms and bounds; doors and robots of a time lie within those of its plan."""
     data = data_of(report(anew).html)
 
     (level,) = data["levels"]
@@ -58,9 +56,7 @@ def picture(plan: dict[str, Any]) -> Image.Image:
 
 
 def test_one_plan_is_told_as_ever(anew: sl.DoorLog) -> None:
-    """
-    In a part of the log that has one.
-    """
+    """In a part of the log that has one."""
     data = data_of(report(anew, since="2026-03-02T15:00").html)
 
     assert "earlier" not in data["levels"][0]
@@ -69,9 +65,7 @@ def test_one_plan_is_told_as_ever(anew: sl.DoorLog) -> None:
 
 @pytest.mark.slow
 def test_the_page_changes_its_plan(anew: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    With the slider, there and back; nobody knows where the robot is until it tells it anew.
-    """
+    """With the slider, there and back; nobody knows where the robot is until it tells it anew."""
     page_file = tmp_path / "page.html"
     page_file.write_text(report(anew).html)
 

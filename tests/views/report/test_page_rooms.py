@@ -46,9 +46,7 @@ def log(tmp_path: Path) -> sl.DoorLog:
 def test_the_matrix_takes_the_picture_over_the_rooms(
     log: sl.DoorLog, most_cells: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    A pixel in each room is tinted, one in the yard is not, however coarse the picture is.
-    """
+    """A pixel in each room is tinted, one in the yard is not, however coarse the picture is."""
     monkeypatch.setattr(page_rooms, "MOST_CELLS", most_cells)
     plan = room_plan(log)
     shown = rooms_of_page(plan, 0)
@@ -64,9 +62,7 @@ def test_the_matrix_takes_the_picture_over_the_rooms(
 
 
 def test_only_rooms_with_a_name_are_named(log: sl.DoorLog) -> None:
-    """
-    With how long the name may be.
-    """
+    """With how long the name may be."""
     shown = rooms_of_page(room_plan(log), 0)
 
     assert shown is not None
@@ -78,9 +74,7 @@ def test_only_rooms_with_a_name_are_named(log: sl.DoorLog) -> None:
 
 
 def test_a_level_without_rooms_shows_none(log: sl.DoorLog) -> None:
-    """
-    Nor one without a plan.
-    """
+    """Nor one without a plan."""
     with sl.append(log.path) as writer:
         cells = np.zeros((9, 9), np.int8)
         writer.append([FloorMap(resolution=0.1, origin_x=0.0, origin_y=0.0, cells=cells)])
@@ -91,9 +85,7 @@ def test_a_level_without_rooms_shows_none(log: sl.DoorLog) -> None:
 
 
 def test_a_turned_plan_shows_no_rooms(log: sl.DoorLog) -> None:
-    """
-    The page is made all the same.
-    """
+    """The page is made all the same."""
     with sl.append(log.path) as writer:
         turned = FloorMap(
             resolution=0.1, origin_x=0.0, origin_y=0.0, origin_theta=0.4, cells=FLOOR.cells

@@ -28,9 +28,7 @@ def floor(cells: np.ndarray, *, theta: float = 0.0) -> FloorMap:
 
 
 def test_walls_are_dark_floors_light_and_the_unknown_is_nothing() -> None:
-    """
-    Upright: the lowest row of the cells is the picture's last.
-    """
+    """Upright: the lowest row of the cells is the picture's last."""
     picture = picture_of(floor([[0, 100], [0, -1]]))
 
     assert [[FLOOR_INK, 0], [FLOOR_INK, WALL_INK]] == ink(picture).tolist()
@@ -38,9 +36,7 @@ def test_walls_are_dark_floors_light_and_the_unknown_is_nothing() -> None:
 
 @pytest.mark.parametrize("theta", [0.0, 0.7, -2.0])
 def test_the_matrix_takes_each_cell_to_its_place(theta: float) -> None:
-    """
-    Also where the map is turned, and after its unknown margins were cut off.
-    """
+    """Also where the map is turned, and after its unknown margins were cut off."""
     cells = np.full((6, 9), -1)
     cells[2:4, 3:8] = 0
     plan = floor(cells, theta=theta)
@@ -56,9 +52,7 @@ def test_the_matrix_takes_each_cell_to_its_place(theta: float) -> None:
 
 
 def test_of_a_huge_map_no_wall_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    Several cells become one, the darkest of them; it covers the same ground.
-    """
+    """Several cells become one, the darkest of them; it covers the same ground."""
     monkeypatch.setattr(plans, "MOST_CELLS", 50)
 
     picture = picture_of(room())
@@ -71,7 +65,5 @@ def test_of_a_huge_map_no_wall_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_plan_of_nothing_is_no_picture() -> None:
-    """
-    All of it unknown.
-    """
+    """All of it unknown."""
     assert picture_of(floor(np.full((3, 3), -1))) is None

@@ -17,9 +17,7 @@ PAGE = resources.files("semmap_log.views.report").joinpath("page")
 
 @pytest.mark.slow
 def test_the_page_and_python_have_the_same_ticks_in_every_zone() -> None:
-    """
-    All of them, with their labels, from minutes to ten years.
-    """
+    """All of them, with their labels, from minutes to ten years."""
     cases = axes()
     scripts = "\n".join(PAGE.joinpath(name).read_text(encoding="utf-8")
                         for name in ("calendar.js", "ticks.js"))  # fmt: skip
@@ -39,9 +37,7 @@ def test_the_page_and_python_have_the_same_ticks_in_every_zone() -> None:
 
 @pytest.mark.slow
 def test_the_page_and_python_agree_which_times_come_twice() -> None:
-    """
-    Around the changes of every zone's clocks: there, both show the offset.
-    """
+    """Around the changes of every zone's clocks: there, both show the offset."""
     cases = [(c, (c.start_ms + c.end_ms) // 2 // 1000 * 1000) for c in axes()]
     script = PAGE.joinpath("calendar.js").read_text(encoding="utf-8")
     asked = json.dumps([[c.offsets, ms] for c, ms in cases])

@@ -40,9 +40,7 @@ def where(run: list[int], ms: int) -> tuple[float, float]:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_no_pose_lies_farther_off_than_said(seed: int) -> None:
-    """
-    At the time of each pose the robot is drawn near it.
-    """
+    """At the time of each pose the robot is drawn near it."""
     poses = walk(seed, 400)
 
     track = track_of(poses, SPAN)
@@ -55,9 +53,7 @@ def test_no_pose_lies_farther_off_than_said(seed: int) -> None:
 
 
 def test_a_straight_way_takes_two_points() -> None:
-    """
-    However many poses it had.
-    """
+    """However many poses it had."""
     poses = np.zeros(100, POSE)
     poses["folds_ns"] = BEGIN_MS * MS_NS + np.arange(100) * 10**9
     poses["x"] = np.arange(100) * 0.5
@@ -66,9 +62,7 @@ def test_a_straight_way_takes_two_points() -> None:
 
 
 def test_a_long_silence_and_another_level_begin_anew() -> None:
-    """
-    Nobody knows which way it went.
-    """
+    """Nobody knows which way it went."""
     poses = np.zeros(4, POSE)
     poses["folds_ns"] = BEGIN_MS * MS_NS + np.array([0, 1, 700, 701]) * 10**9
     poses["level"] = [1, 1, 1, 2]
@@ -77,9 +71,7 @@ def test_a_long_silence_and_another_level_begin_anew() -> None:
 
 
 def test_of_too_many_points_the_tolerance_grows(monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    The track says by how much.
-    """
+    """The track says by how much."""
     monkeypatch.setattr(page_events, "MOST_POINTS", 20)
     poses = walk(1, 400)
 
@@ -90,16 +82,12 @@ def test_of_too_many_points_the_tolerance_grows(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_no_poses_no_track() -> None:
-    """
-    A log without a robot has none.
-    """
+    """A log without a robot has none."""
     assert [] == track_of(np.zeros(0, POSE), SPAN).runs
 
 
 def test_two_robots_have_a_track_each() -> None:
-    """
-    Their poses come by turns; nobody drove from one robot to the other.
-    """
+    """Their poses come by turns; nobody drove from one robot to the other."""
     poses = np.zeros(40, POSE)
     poses["folds_ns"] = (BEGIN_MS + 1000 * np.arange(40)) * MS_NS
     poses["robot"] = np.arange(40) % 2
@@ -113,9 +101,7 @@ def test_two_robots_have_a_track_each() -> None:
 
 
 def test_nobody_drives_from_one_plan_to_another() -> None:
-    """
-    A level that was mapped anew between two poses a second apart.
-    """
+    """A level that was mapped anew between two poses a second apart."""
     poses = np.zeros(4, POSE)
     poses["folds_ns"] = BEGIN_MS * MS_NS + np.arange(4) * 10**9
     poses["x"] = [0, 1, 50, 51]

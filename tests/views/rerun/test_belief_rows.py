@@ -23,9 +23,7 @@ NOTHING = DoorEvidence.nothing(DoorId(1), 2**62)
 
 @given(st.lists(st.tuples(st.integers(1, 10**12), st.floats(0, 1)), min_size=1, max_size=60))
 def test_no_point_that_is_left_out_lies_off_the_line(steps: list[tuple[int, float]]) -> None:
-    """
-    Whatever the curve: both ends are kept, and the line misses no point by more than .01.
-    """
+    """Whatever the curve: both ends are kept, and the line misses no point by more than .01."""
     times_ns = np.cumsum([length for length, _ in steps])
     values = np.array([value for _, value in steps])
 
@@ -37,9 +35,7 @@ def test_no_point_that_is_left_out_lies_off_the_line(steps: list[tuple[int, floa
 
 
 def test_a_straight_line_needs_two_points() -> None:
-    """
-    However long it is.
-    """
+    """However long it is."""
     times_ns = np.arange(1000) * EVERY_NS
 
     kept = telling(times_ns, np.linspace(0.2, 0.8, 1000))
@@ -48,9 +44,7 @@ def test_a_straight_line_needs_two_points() -> None:
 
 
 def test_a_jump_keeps_its_two_ends() -> None:
-    """
-    The line goes straight up, not from ten minutes before.
-    """
+    """The line goes straight up, not from ten minutes before."""
     times_ns = np.array([0, 10, 19, 20, 30]) * EVERY_NS
 
     kept = telling(times_ns, np.array([0.2, 0.2, 0.2, 0.9, 0.9]))
@@ -59,9 +53,7 @@ def test_a_jump_keeps_its_two_ends() -> None:
 
 
 def test_a_jump_after_years_is_still_a_jump() -> None:
-    """
-    Its two ends are a nanosecond apart, which floats of seconds cannot tell by then.
-    """
+    """Its two ends are a nanosecond apart, which floats of seconds cannot tell by then."""
     times_ns = np.array([0, 1095 * DAY_NS, 1095 * DAY_NS + 1, 1096 * DAY_NS])
 
     kept = telling(times_ns, np.array([0.2, 0.2, 0.9, 0.9]))
@@ -70,9 +62,7 @@ def test_a_jump_after_years_is_still_a_jump() -> None:
 
 
 def test_what_is_not_known_is_a_gap() -> None:
-    """
-    Nothing before it is known, NaN between known stretches.
-    """
+    """Nothing before it is known, NaN between known stretches."""
     times_ns = np.arange(6) * EVERY_NS
     known = np.array([False, True, True, False, False, True])
 
@@ -83,16 +73,12 @@ def test_what_is_not_known_is_a_gap() -> None:
 
 
 def test_nothing_known_draws_nothing() -> None:
-    """
-    Not even a gap.
-    """
+    """Not even a gap."""
     assert 0 == len(curve(np.arange(5), np.full(5, 0.5), np.zeros(5, bool)))
 
 
 def test_times_are_those_of_the_evidence_and_ten_minutes() -> None:
-    """
-    Just before and at a look, and both ends; nothing outside.
-    """
+    """Just before and at a look, and both ends; nothing outside."""
     looks = np.array([5, 3 * EVERY_NS + 7, 20 * EVERY_NS])
     seen = DoorEvidence(
         DoorId(1), 2**62, *(np.empty(0, kind) for kind in (np.int64, np.int64, bool)), looks,
@@ -107,16 +93,12 @@ def test_times_are_those_of_the_evidence_and_ten_minutes() -> None:
 
 
 def test_a_long_recording_takes_longer_steps() -> None:
-    """
-    Three years of nothing are about 4096 points.
-    """
+    """Three years of nothing are about 4096 points."""
     times_ns = times_of_curve(NOTHING, 0, 1095 * DAY_NS)
 
     assert MOST_STEPS <= len(times_ns) <= MOST_STEPS + 2
 
 
 def test_a_recording_of_a_moment_is_a_point() -> None:
-    """
-    Its first time is its last.
-    """
+    """Its first time is its last."""
     assert [7] == times_of_curve(NOTHING, 7, 7).tolist()

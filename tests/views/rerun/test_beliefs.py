@@ -49,10 +49,7 @@ def drawn(log: sl.DoorLog, tmp_path_factory: pytest.TempPathFactory) -> Drawn:
 
 @pytest.mark.slow
 def test_the_curve_is_what_could_be_believed_then(log: sl.DoorLog, drawn: Drawn) -> None:
-    """
-    At each of its times, the estimator's answer from what had happened by then; on the timeline
-    `happened` alone.
-    """
+    """At each of its times, the estimator's answer from what had happened by then."""
     beliefs = learn(log, estimator=default_estimator())
 
     rows = drawn.rows(FRONT_CURVE, SCALARS)
@@ -70,10 +67,7 @@ def test_the_curve_is_what_could_be_believed_then(log: sl.DoorLog, drawn: Drawn)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_curves_are_right_in_a_wild_log(seed: int, tmp_path: Path) -> None:
-    """
-    Of every door that has one: with late events, much taken back, and doors that are removed, of
-    which nothing is believed from then on.
-    """
+    """Of every door that has one: with late events, much taken back."""
     log = wild_log(tmp_path / "log", seed=seed)
     beliefs = learn(log, estimator=default_estimator())
 
@@ -96,9 +90,7 @@ def test_curves_are_right_in_a_wild_log(seed: int, tmp_path: Path) -> None:
 
 
 def test_between_its_points_the_line_is_right(log: sl.DoorLog, drawn: Drawn) -> None:
-    """
-    Nowhere that the estimator was asked is it off by more than .01.
-    """
+    """Nowhere that the estimator was asked is it off by more than .01."""
     beliefs = learn(log, estimator=default_estimator())
     rows = drawn.rows(FRONT_CURVE, SCALARS)
     times_ns, shown = (np.array([row[i] for row in rows]).ravel() for i in (0, 1))
@@ -114,17 +106,13 @@ def test_between_its_points_the_line_is_right(log: sl.DoorLog, drawn: Drawn) -> 
 
 
 def test_a_door_never_seen_has_no_curve(drawn: Drawn) -> None:
-    """
-    Nor a tile among the weeks.
-    """
+    """Nor a tile among the weeks."""
     assert "/map/doors/attic/belief" not in drawn.entities
     assert ["front", "store"] == drawn.statics["/weeks/labels", "Points2D:labels"]
 
 
 def test_the_weeks_are_typical_weeks(log: sl.DoorLog, drawn: Drawn) -> None:
-    """
-    The first tile holds the front door's cells in percent; what nobody saw is marked.
-    """
+    """The first tile holds the front door's cells in percent; what nobody saw is marked."""
     (front,) = typical_weeks(log, doors=[FRONT])
 
     (buffer,), (shape,) = (
@@ -146,9 +134,7 @@ LONG = 60
 @pytest.mark.parametrize("letters", [5, 12, LONG])
 @pytest.mark.parametrize("doors", [1, 2, 5, 12, 13, 24, 36, 66, 133])
 def test_tiles_do_not_overlap(doors: int, letters: int, log: sl.DoorLog) -> None:
-    """
-    For any number of doors, each has its 168 cells; labels and key lie beside them.
-    """
+    """For any number of doors, each has its 168 cells; labels and key lie beside them."""
     (front,) = typical_weeks(log, doors=[FRONT])
     sheet = Sheet.of(doors, letters)
 
@@ -168,9 +154,7 @@ def test_tiles_do_not_overlap(doors: int, letters: int, log: sl.DoorLog) -> None
      (14, LONG, False), (133, 5, False)],
 )  # fmt: skip
 def test_weeks_bear_names_where_there_is_room(doors: int, letters: int, expected: bool) -> None:
-    """
-    Beside more than twelve weeks: a name then ends before the week, and is no taller than a row.
-    """
+    """Beside more than twelve weeks: a name then ends before the week."""
     sheet = Sheet.of(doors, letters)
 
     assert expected == sheet.has_names
@@ -186,9 +170,7 @@ def test_weeks_bear_names_where_there_is_room(doors: int, letters: int, expected
 
 
 def test_hours_stand_below_the_lowest_week_of_each_column() -> None:
-    """
-    Of thirteen doors, one is alone in the last row: its hours are lower than the others'.
-    """
+    """Of thirteen doors, one is alone in the last row: its hours are lower than the others'."""
     sheet = Sheet.of(13, LONG)
 
     noons = [(x, y) for label, x, y in axis_labels(sheet) if label == "12"]
@@ -198,9 +180,7 @@ def test_hours_stand_below_the_lowest_week_of_each_column() -> None:
 
 
 def test_the_layout_has_curves_and_weeks(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    A tab for each door with a curve; without beliefs, neither.
-    """
+    """A tab for each door with a curve; without beliefs, neither."""
     with_them = views_of(log, tmp_path)
     without = views_of(log, tmp_path, beliefs=False)
 
@@ -212,10 +192,7 @@ def test_the_layout_has_curves_and_weeks(log: sl.DoorLog, tmp_path: Path) -> Non
 
 @pytest.mark.slow
 def test_weeks_of_the_liveliest_doors_are_called_so(tmp_path: Path) -> None:
-    """
-    Each level of the clinic has more doors than can be read; of some of the liveliest too little
-    is known for a week.
-    """
+    """Each level of the clinic has more doors than can be read."""
     names = views_of(sl.read(RECORDINGS / "clinic_week"), tmp_path, costmap=False)
 
     assert {
@@ -225,9 +202,7 @@ def test_weeks_of_the_liveliest_doors_are_called_so(tmp_path: Path) -> None:
 
 
 def test_they_can_be_left_out(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    No entity is left of them.
-    """
+    """No entity is left of them."""
     save_rrd(log, tmp_path / "x.rrd", beliefs=False)
 
     entities = Drawn(tmp_path / "x.rrd").entities
@@ -235,9 +210,7 @@ def test_they_can_be_left_out(log: sl.DoorLog, tmp_path: Path) -> None:
 
 
 def test_a_jump_is_drawn_as_one(drawn: Drawn) -> None:
-    """
-    The viewer is told not to draw points that are near each other as their mean.
-    """
+    """The viewer is told not to draw points that are near each other as their mean."""
     import rerun as rr
 
     policy = drawn.statics[FRONT_CURVE, "SeriesLines:aggregation_policy"]
@@ -246,9 +219,7 @@ def test_a_jump_is_drawn_as_one(drawn: Drawn) -> None:
 
 
 def test_a_day_without_habits_has_curves_all_the_same(tmp_path: Path) -> None:
-    """
-    In the office the doors were seen six times each: what was believed is drawn.
-    """
+    """In the office the doors were seen six times each: what was believed is drawn."""
     save_rrd(sl.read(RECORDINGS / "office"), tmp_path / "x.rrd")
 
     drawn = Drawn(tmp_path / "x.rrd")
@@ -257,9 +228,7 @@ def test_a_day_without_habits_has_curves_all_the_same(tmp_path: Path) -> None:
 
 
 def test_a_log_that_tells_too_little_has_no_weeks(tmp_path: Path) -> None:
-    """
-    Two sightings are no habit, and a door never seen has no curve either.
-    """
+    """Two sightings are no habit, and a door never seen has no curve either."""
     save_rrd(small_log(tmp_path / "log"), tmp_path / "x.rrd")
 
     entities = Drawn(tmp_path / "x.rrd").entities
@@ -268,9 +237,7 @@ def test_a_log_that_tells_too_little_has_no_weeks(tmp_path: Path) -> None:
 
 
 def test_a_part_ends_with_its_last_moment(log: sl.DoorLog, tmp_path: Path) -> None:
-    """
-    With `until` no point lies later, and the week is as known then.
-    """
+    """With `until` no point lies later, and the week is as known then."""
     until_ns = parse_instant("2026-03-09T12:00", tz=VIENNA)
 
     save_rrd(log, tmp_path / "x.rrd", until=until_ns, doors=[FRONT])
@@ -288,9 +255,7 @@ def test_a_part_ends_with_its_last_moment(log: sl.DoorLog, tmp_path: Path) -> No
 
 @pytest.mark.slow
 def test_a_week_of_132_doors_stays_small(tmp_path: Path) -> None:
-    """
-    At most a tenth more, and no chunk longer than rerun likes.
-    """
+    """At most a tenth more, and no chunk longer than rerun likes."""
     clinic = sl.read(RECORDINGS / "clinic_week")
 
     sizes = [save_rrd(clinic, tmp_path / f"{n}.rrd", beliefs=n == 1).bytes for n in (0, 1)]

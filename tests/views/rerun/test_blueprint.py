@@ -35,9 +35,7 @@ def views_of(log: sl.DoorLog, tmp_path: Path, **how: Any) -> list[str]:
 
 
 def test_a_building_of_one_level(tmp_path: Path) -> None:
-    """
-    Plan, costmap, curves of the door that has probabilities, lanes, text.
-    """
+    """Plan, costmap, curves of the door that has probabilities, lanes, text."""
     log = small_log(tmp_path / "log")
 
     names = views_of(log, tmp_path)
@@ -49,19 +47,14 @@ def test_a_building_of_one_level(tmp_path: Path) -> None:
 
 
 def test_the_costmap_can_be_left_out(tmp_path: Path) -> None:
-    """
-    Then it has no tab.
-    """
+    """Then it has no tab."""
     log = small_log(tmp_path / "log")
 
     assert "Costmap" not in views_of(log, tmp_path, costmap=False)
 
 
 def test_each_level_has_its_plan(tmp_path: Path) -> None:
-    """
-    Named as the level is; one without anything on it is left out, as is the costmap of one that
-    never has a door.
-    """
+    """Named as the level is; one without anything on it is left out."""
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([LevelAdded(level=n, name=name) for n, name in enumerate("ABC", start=1)])
         log.append([room(1)])
@@ -73,9 +66,7 @@ def test_each_level_has_its_plan(tmp_path: Path) -> None:
 
 
 def test_sensors_without_a_place_need_no_plan(tmp_path: Path) -> None:
-    """
-    Nor curves, where nobody gave probabilities.
-    """
+    """Nor curves, where nobody gave probabilities."""
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([DoorAdded(door_id=DoorId(1))])
 
@@ -83,9 +74,7 @@ def test_sensors_without_a_place_need_no_plan(tmp_path: Path) -> None:
 
 
 def test_the_liveliest_doors_stand_before_all_of_them(tmp_path: Path) -> None:
-    """
-    Of 20 doors 16 lanes fit the screen: those that change; curves go to the 8 liveliest.
-    """
+    """Of 20 doors 16 lanes fit the screen: those that change; curves go to the 8 liveliest."""
     clock = SteadyClock(START)
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         log.append([DoorAdded(door_id=DoorId(n), prob_open=0.5) for n in range(1, 21)])
@@ -102,9 +91,7 @@ def test_the_liveliest_doors_stand_before_all_of_them(tmp_path: Path) -> None:
 
 
 def test_the_event_log_says_what_its_times_are_on_the_axes(tmp_path: Path) -> None:
-    """
-    The axes are in UTC; both offsets where clocks change within what is shown.
-    """
+    """The axes are in UTC; both offsets where clocks change within what is shown."""
     titles = []
     for hours in (1, 24 * 40):
         clock = SteadyClock(START)
@@ -120,9 +107,7 @@ def test_the_event_log_says_what_its_times_are_on_the_axes(tmp_path: Path) -> No
 
 
 def test_chosen_doors_get_the_curves(tmp_path: Path) -> None:
-    """
-    Only doors with probabilities have any.
-    """
+    """Only doors with probabilities have any."""
     log = small_log(tmp_path / "log")
 
     names = views_of(log, tmp_path, doors=[DoorId(2)])
@@ -132,9 +117,7 @@ def test_chosen_doors_get_the_curves(tmp_path: Path) -> None:
 
 
 def test_the_level_of_a_chosen_door_is_in_front(tmp_path: Path) -> None:
-    """
-    Not that of the robot, which is elsewhere.
-    """
+    """Not that of the robot, which is elsewhere."""
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([LevelAdded(level=n, name=name) for n, name in enumerate("AB", start=1)])
         log.append([DoorAdded(door_id=DoorId(n), level=n, x=0, y=0, theta=0, width=1)

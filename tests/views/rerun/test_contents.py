@@ -41,9 +41,7 @@ def named(door_id: int, name: str) -> DoorAnnotated:
 
 
 def test_one_level_needs_no_name_in_the_paths(tmp_path: Path) -> None:
-    """
-    `/map/doors/front`, as short as a lane's head should be.
-    """
+    """`/map/doors/front`, as short as a lane's head should be."""
     scene = find_scene(Excerpt(small_log(tmp_path / "log")))
 
     assert {1: ("map", "doors", "front"), 2: ("map", "doors", "door_2")} == {
@@ -53,9 +51,7 @@ def test_one_level_needs_no_name_in_the_paths(tmp_path: Path) -> None:
 
 
 def test_a_door_that_comes_to_another_level_is_no_other_doors_namesake(tmp_path: Path) -> None:
-    """
-    Two doors of one name that are ever on the same level do not share its entity, and its line.
-    """
+    """Two doors of one name that are ever on the same level do not share its entity."""
     scene = scene_of(
         tmp_path,
         LevelAdded(level=1, name="L1"), LevelAdded(level=2, name="L2"),
@@ -68,9 +64,7 @@ def test_a_door_that_comes_to_another_level_is_no_other_doors_namesake(tmp_path:
 
 
 def test_with_several_levels_each_has_its_branch(tmp_path: Path) -> None:
-    """
-    The level's name stands in the path once: a door's name that begins with it loses it there.
-    """
+    """The level's name stands in the path once."""
     scene = scene_of(
         tmp_path,
         LevelAdded(level=1, name="L1"), LevelAdded(level=2, name="L2"),
@@ -87,9 +81,7 @@ def test_with_several_levels_each_has_its_branch(tmp_path: Path) -> None:
 
 
 def test_a_door_that_moved_upstairs_has_a_line_on_both_levels(tmp_path: Path) -> None:
-    """
-    Its lane is where it was put last.
-    """
+    """Its lane is where it was put last."""
     scene = scene_of(
         tmp_path,
         LevelAdded(level=1, name="ground"),
@@ -104,9 +96,7 @@ def test_a_door_that_moved_upstairs_has_a_line_on_both_levels(tmp_path: Path) ->
 
 
 def test_bounds_hold_plan_doors_and_robot(tmp_path: Path) -> None:
-    """
-    The plan's known cells and a door outside them, with a metre around.
-    """
+    """The plan's known cells and a door outside them, with a metre around."""
     scene = scene_of(tmp_path, room(), placed(1, 0, x=9.0))
 
     bounds = scene.levels[0].bounds
@@ -116,9 +106,7 @@ def test_bounds_hold_plan_doors_and_robot(tmp_path: Path) -> None:
 
 
 def test_unknown_margins_of_a_scanned_map_do_not_count() -> None:
-    """
-    Nor does it matter how the map lies.
-    """
+    """Nor does it matter how the map lies."""
     plan = room(theta=math.pi / 2)
     plan.cells[:, 100:] = -1
 
@@ -130,18 +118,14 @@ def test_unknown_margins_of_a_scanned_map_do_not_count() -> None:
 
 
 def test_a_lone_door_is_not_blown_up(tmp_path: Path) -> None:
-    """
-    The view is at least four metres wide and high.
-    """
+    """The view is at least four metres wide and high."""
     bounds = scene_of(tmp_path, placed(1, 0)).levels[0].bounds
 
     assert (4.0, 4.0) == (bounds.high_x - bounds.low_x, bounds.high_y - bounds.low_y)
 
 
 def test_the_pass_counts_what_the_layout_needs(tmp_path: Path) -> None:
-    """
-    Changes of state, whether there are probabilities, lifetimes, and where the robot is.
-    """
+    """Changes of state, whether there are probabilities, lifetimes, and where the robot is."""
     scene = find_scene(Excerpt(small_log(tmp_path / "log")))
 
     front, other = scene.doors[DoorId(1)], scene.doors[DoorId(2)]
@@ -153,9 +137,7 @@ def test_the_pass_counts_what_the_layout_needs(tmp_path: Path) -> None:
 
 
 def test_an_excerpt_knows_the_doors_before_it(tmp_path: Path) -> None:
-    """
-    A moment may also be an event; its happened time counts.
-    """
+    """A moment may also be an event; its happened time counts."""
     log = small_log(tmp_path / "log")
 
     scene = find_scene(Excerpt.of(log, "event:4", None, None))

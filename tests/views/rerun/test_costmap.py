@@ -122,10 +122,7 @@ def _change(rng: random.Random, door: DoorId, happened_ns: int) -> Event:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_at_any_moment_the_patches_are_the_replayed_layer(seed: int, tmp_path: Path) -> None:
-    """
-    Cell for cell, where doors lie on each other too: along `happened` what was true, along
-    `recorded` what was known.
-    """
+    """Cell for cell, where doors lie on each other too."""
     log = crowded_log(tmp_path / "log", seed=seed)
     rng = random.Random(seed)
 
@@ -139,9 +136,7 @@ def test_at_any_moment_the_patches_are_the_replayed_layer(seed: int, tmp_path: P
 
 
 def test_the_event_at_the_cursor_made_the_layer(tmp_path: Path) -> None:
-    """
-    Along `event` it is the layer up to that number.
-    """
+    """Along `event` it is the layer up to that number."""
     log = crowded_log(tmp_path / "log", seed=9)
 
     drawing = recorded(log, tmp_path)
@@ -153,9 +148,7 @@ def test_the_event_at_the_cursor_made_the_layer(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seed", range(2))
 def test_each_level_has_its_own_layer(seed: int, tmp_path: Path) -> None:
-    """
-    A door that moves to another level, or loses its place, leaves no ghost.
-    """
+    """A door that moves to another level, or loses its place, leaves no ghost."""
     restless_log(tmp_path / "log", seed=seed)
     with sl.append(tmp_path / "log", clock=SteadyClock(START + 10**6 * SECOND)) as log:
         log.append([room(1), room(2)])
@@ -175,9 +168,7 @@ def test_each_level_has_its_own_layer(seed: int, tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_what_was_taken_back_is_in_the_layer_until_then(seed: int, tmp_path: Path) -> None:
-    """
-    Along all timelines, with late events and removals, and doors that return or never were.
-    """
+    """Along all timelines, with late events and removals, and doors that return or never were."""
     log = wild_log(tmp_path / "log", seed=seed)
     rng = random.Random(seed)
 
@@ -199,9 +190,7 @@ def test_what_was_taken_back_is_in_the_layer_until_then(seed: int, tmp_path: Pat
 
 
 def test_without_a_floor_map_the_cells_lie_on_a_grid_of_5_cm(tmp_path: Path) -> None:
-    """
-    Its cells begin at multiples of 0.05 m, as those of the costmap around the doors.
-    """
+    """Its cells begin at multiples of 0.05 m, as those of the costmap around the doors."""
     log = crowded_log(tmp_path / "log", seed=3, floor=False)
     geometry = GridGeometry(80, 80, 0.05, -2.0, -2.0)
 
@@ -215,9 +204,7 @@ def test_without_a_floor_map_the_cells_lie_on_a_grid_of_5_cm(tmp_path: Path) -> 
 
 
 def test_a_part_begins_with_the_layer_as_it_was(tmp_path: Path) -> None:
-    """
-    With `since` the doors lie there from the first row on.
-    """
+    """With `since` the doors lie there from the first row on."""
     log = crowded_log(tmp_path / "log", seed=5)
     since = START + 90 * 60 * SECOND
 
@@ -255,9 +242,7 @@ def test_a_row_is_written_only_when_the_picture_changes(tmp_path: Path) -> None:
 
 
 def test_of_two_events_at_one_time_the_later_one_shows(tmp_path: Path) -> None:
-    """
-    A door that is lost and closed in the same nanosecond is closed; along `event` it is both.
-    """
+    """A door that is lost and closed in the same nanosecond is closed; along `event` it is both."""
     door = DoorId(1)
     clock = SteadyClock(START)
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
@@ -275,9 +260,7 @@ def test_of_two_events_at_one_time_the_later_one_shows(tmp_path: Path) -> None:
 
 
 def test_a_turned_plan_has_no_costmap(tmp_path: Path) -> None:
-    """
-    Its cells do not lie along the axes; the doors' lines are drawn all the same.
-    """
+    """Its cells do not lie along the axes; the doors' lines are drawn all the same."""
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([room(theta=0.1)])
         log.append([DoorAdded(door_id=DoorId(1), x=0, y=0, theta=0, width=1)])
@@ -289,9 +272,7 @@ def test_a_turned_plan_has_no_costmap(tmp_path: Path) -> None:
 
 
 def test_it_can_be_left_out(tmp_path: Path) -> None:
-    """
-    With `costmap=False` there is no entity and no view of it.
-    """
+    """With `costmap=False` there is no entity and no view of it."""
     log = small_log(tmp_path / "log")
 
     drawing = recorded(log, tmp_path, costmap=False)
@@ -300,9 +281,7 @@ def test_it_can_be_left_out(tmp_path: Path) -> None:
 
 
 def test_a_door_of_a_kilometre_shows_its_line_alone(tmp_path: Path) -> None:
-    """
-    A picture of all cells around it would fill the recording; that of the door beside it is there.
-    """
+    """A picture of all cells around it would fill the recording."""
     drawing = _two_doors(tmp_path, width=1e3)
 
     assert {"/map/doors/door_1", "/map/costmap/door_2"} <= drawing.entities
@@ -310,9 +289,7 @@ def test_a_door_of_a_kilometre_shows_its_line_alone(tmp_path: Path) -> None:
 
 
 def test_a_building_larger_than_any_grid_has_no_costmap(tmp_path: Path) -> None:
-    """
-    The doors' lines are drawn all the same.
-    """
+    """The doors' lines are drawn all the same."""
     drawing = _two_doors(tmp_path, width=1e9)
 
     assert {"/map/doors/door_1", "/map/doors/door_2"} <= drawing.entities
@@ -329,9 +306,7 @@ def _two_doors(tmp_path: Path, *, width: float) -> Drawn:
 
 
 def test_costs_have_the_colours_of_the_doors() -> None:
-    """
-    Free as an open door, lethal as a closed one, no information transparent.
-    """
+    """Free as an open door, lethal as a closed one, no information transparent."""
     shades = shades_of_costs(DEFAULT)
 
     assert [*DEFAULT.open, 255] == shades[0].tolist()

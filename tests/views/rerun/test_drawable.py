@@ -13,13 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.views.rerun.drawable import (
-    _DRAWN,
-    drawable,
-    drawable_name,
-    path_part,
-    unique_parts,
-)
+from semmap_log.views.rerun.drawable import _DRAWN, drawable, drawable_name, path_part, unique_parts
 
 FONT = b"\0\1\0\0\0"
 """How a TrueType font begins: a version, and less than 256 tables."""
@@ -38,9 +32,7 @@ FONT = b"\0\1\0\0\0"
     ],
 )
 def test_what_the_font_lacks_becomes_a_box(text: str, expected: str) -> None:
-    """
-    Accents and the scripts of Europe stay; others become boxes; control characters blanks.
-    """
+    """Accents and the scripts of Europe stay; others become boxes; control characters blanks."""
     assert expected == drawable(text)
 
 
@@ -58,16 +50,12 @@ def test_what_the_font_lacks_becomes_a_box(text: str, expected: str) -> None:
     ],
 )
 def test_a_name_becomes_one_part_of_a_path(text: str, expected: str) -> None:
-    """
-    Nothing that the viewer would show with backslashes is left.
-    """
+    """Nothing that the viewer would show with backslashes is left."""
     assert expected == path_part(text)
 
 
 def test_every_door_gets_a_part_of_its_own() -> None:
-    """
-    Names that would look the same get their id behind, names without letters are their id.
-    """
+    """Names that would look the same get their id behind, names without letters are their id."""
     parts = unique_parts(
         [(1, "Lab"), (2, "lab"), (3, "会議室"), (4, ""), (5, "door 3"), (6, "Lab_2")]
     )
@@ -76,9 +64,7 @@ def test_every_door_gets_a_part_of_its_own() -> None:
 
 
 def test_robots_and_levels_have_parts_of_their_own_kind() -> None:
-    """
-    A robot of which no letter can be drawn is no door.
-    """
+    """A robot of which no letter can be drawn is no door."""
     assert {1: "robot_1", 2: "Bob"} == unique_parts([(1, "掃除"), (2, "Bob")], "robot")
 
 
@@ -88,9 +74,7 @@ def test_robots_and_levels_have_parts_of_their_own_kind() -> None:
      "Room ½", "→ exit"],
 )  # fmt: skip
 def test_names_in_latin_greek_and_cyrillic_letters_stay(name: str) -> None:
-    """
-    With their accents and signs.
-    """
+    """With their accents and signs."""
     assert unicodedata.normalize("NFC", name) == drawable_name(name, "door 7")
 
 
@@ -100,24 +84,18 @@ def test_names_in_latin_greek_and_cyrillic_letters_stay(name: str) -> None:
      "Սենյակ", "ოთახი", "", "🚪", "🚪 🙂", "---"],
 )  # fmt: skip
 def test_a_name_with_a_letter_that_the_font_lacks_gives_way(name: str) -> None:
-    """
-    Two rooms may differ in just that letter; and a digit that is left would look like an id.
-    """
+    """Two rooms may differ in just that letter; and a digit that is left would look like an id."""
     assert "door 7" == drawable_name(name, "door 7")
 
 
 @pytest.mark.parametrize(("name", "shown"), [("Exit 🚪", "Exit"), ("a\tb 🙂 c\n", "a b c")])
 def test_signs_that_the_font_lacks_are_left_out_of_names(name: str, shown: str) -> None:
-    """
-    As long as letters are left.
-    """
+    """As long as letters are left."""
     assert shown == drawable_name(name, "door 7")
 
 
 def test_what_is_drawn_is_what_the_viewers_font_has() -> None:
-    """
-    Neither more, which would end a headless viewer, nor less: read from the viewer's program.
-    """
+    """Neither more, which would end a headless viewer, nor less: read from the viewer's program."""
     pytest.importorskip("fontTools", reason="not installed: it comes with matplotlib")
     cli = pytest.importorskip("rerun_cli", reason="not installed: the extra 'viewer'")
 
@@ -151,9 +129,7 @@ def glyphs_of(beginning: bytes) -> set[int]:
 
 
 def test_real_names_keep_apart(shared_data: Path) -> None:
-    """
-    The 142 hackerspaces of the real data all get a path, each a different one.
-    """
+    """The 142 hackerspaces of the real data all get a path, each a different one."""
     with gzip.open(shared_data / "doors/spaces_polled/doors.csv.gz", "rt") as file:
         names = sorted({row["door"] for row in csv.DictReader(file)})
 

@@ -86,17 +86,13 @@ SAID: list[tuple[Event, str, DoorState | None]] = [
 
 @pytest.mark.parametrize(("event", "words", "state"), SAID, ids=lambda value: type(value).__name__)
 def test_every_kind_has_its_words(event: Event, words: str, state: DoorState | None) -> None:
-    """
-    What happened, in a few words; and which state it gives to the door.
-    """
+    """What happened, in a few words; and which state it gives to the door."""
     assert words == words_of(event)
     assert state == state_told_by(event)
 
 
 def test_no_kind_is_forgotten() -> None:
-    """
-    A new kind of event fails here until it can be put into words.
-    """
+    """A new kind of event fails here until it can be put into words."""
     assert set(KINDS) == {type(event) for event, _, _ in SAID}
 
 
@@ -112,9 +108,7 @@ def lines_of(tmp_path: Path, *commits: Event) -> list[EventLine]:
 
 
 def test_what_changes_the_map_stands_out_from_what_repeats_it(tmp_path: Path) -> None:
-    """
-    The first sighting is news, the second is not; a robot that gave up is worth a look.
-    """
+    """The first sighting is news, the second is not; a robot that gave up is worth a look."""
     lines = lines_of(
         tmp_path,
         DoorAdded(door_id=ONE),
@@ -129,9 +123,7 @@ def test_what_changes_the_map_stands_out_from_what_repeats_it(tmp_path: Path) ->
 
 
 def test_a_line_tells_when_which_door_what_who_and_why(tmp_path: Path) -> None:
-    """
-    The door is called by the name it got, also before it got it; the id stands behind.
-    """
+    """The door is called by the name it got, also before it got it; the id stands behind."""
     first, *_ = lines_of(
         tmp_path, DoorAdded(door_id=ONE), DoorAnnotated(door_id=ONE, key="name", value="会議室 3")
     )
@@ -139,9 +131,7 @@ def test_a_line_tells_when_which_door_what_who_and_why(tmp_path: Path) -> None:
 
 
 def test_events_about_a_door_that_was_not_there_say_so(tmp_path: Path) -> None:
-    """
-    A sighting from before the door was added is history, and no change of the map.
-    """
+    """A sighting from before the door was added is history, and no change of the map."""
     _, late = lines_of(
         tmp_path,
         DoorAdded(door_id=ONE),
@@ -153,16 +143,12 @@ def test_events_about_a_door_that_was_not_there_say_so(tmp_path: Path) -> None:
 
 
 def test_poses_are_not_told(tmp_path: Path) -> None:
-    """
-    They would drown everything else.
-    """
+    """They would drown everything else."""
     assert [] == lines_of(tmp_path, RobotPose(x=0, y=0, theta=0))
 
 
 def test_times_are_those_of_the_building(tmp_path: Path) -> None:
-    """
-    Also over the night in which the clocks change: 03:00 follows 01:59.
-    """
+    """Also over the night in which the clocks change: 03:00 follows 01:59."""
     change_ns = 1_774_746_000 * SECOND  # 2026-03-29T01:00Z
     clock = SteadyClock(change_ns - 60 * SECOND)
     with sl.create(tmp_path / "log", tz="Europe/Vienna", clock=clock) as log:

@@ -105,9 +105,7 @@ def _at_event(viewer: Viewer, number: int) -> Any:
 
 @pytest.mark.slow
 def test_what_is_seen_is_shown(writer: sl.DoorLogWriter) -> None:
-    """
-    A sighting soon turns the door green on the plan and on the costmap; the cursor goes along.
-    """
+    """A sighting soon turns the door green on the plan and on the costmap."""
     with _followed(writer) as viewer:
         _becomes(viewer, DEFAULT.closed, view="Floor plan")
         number = writer.observe(DoorId(1), "open").first_event
@@ -125,9 +123,7 @@ def test_what_is_seen_is_shown(writer: sl.DoorLogWriter) -> None:
 
 @pytest.mark.slow
 def test_colours_are_those_asked_for(writer: sl.DoorLogWriter) -> None:
-    """
-    Of another palette, from the first row on.
-    """
+    """Of another palette, from the first row on."""
     with _followed(writer, palette=COLOUR_BLIND) as viewer:
         _becomes(viewer, COLOUR_BLIND.closed, view="Floor plan")
         writer.observe(DoorId(1), "open")
@@ -136,9 +132,7 @@ def test_colours_are_those_asked_for(writer: sl.DoorLogWriter) -> None:
 
 @pytest.mark.slow
 def test_a_new_door_appears_with_its_name(writer: sl.DoorLogWriter) -> None:
-    """
-    The history is sent anew, and the recording before it is gone.
-    """
+    """The history is sent anew, and the recording before it is gone."""
     with _followed(writer) as viewer:
         _becomes(viewer, DEFAULT.closed, view="Floor plan")
         writer.add_door(x=-1.0, y=2.0, theta=0.0, width=2.0, state="open", name="back")
@@ -155,9 +149,7 @@ def test_a_new_door_appears_with_its_name(writer: sl.DoorLogWriter) -> None:
 
 @pytest.mark.slow
 def test_a_late_event_takes_its_place(writer: sl.DoorLogWriter) -> None:
-    """
-    What happened before the last sighting does not change the door's state of now.
-    """
+    """What happened before the last sighting does not change the door's state of now."""
     with _followed(writer) as viewer:
         writer.observe(DoorId(1), "open")
         _becomes(viewer, DEFAULT.open, gone=DEFAULT.closed, view="Floor plan")
@@ -168,9 +160,7 @@ def test_a_late_event_takes_its_place(writer: sl.DoorLogWriter) -> None:
 
 
 def test_what_is_retracted_is_gone(writer: sl.DoorLogWriter) -> None:
-    """
-    The door shows again what it did before.
-    """
+    """The door shows again what it did before."""
     with _followed(writer) as viewer:
         number = writer.observe(DoorId(1), "open").first_event
         _becomes(viewer, DEFAULT.open, gone=DEFAULT.closed, view="Floor plan")
@@ -180,9 +170,7 @@ def test_what_is_retracted_is_gone(writer: sl.DoorLogWriter) -> None:
 
 @pytest.mark.slow
 def test_a_robot_that_explores_stays_on_the_plan(tmp_path: Path) -> None:
-    """
-    Without walls the plan reaches as far as anything was, and grows.
-    """
+    """Without walls the plan reaches as far as anything was, and grows."""
     with sl.create(tmp_path / "field", tz="UTC") as log:
         log.robot_pose(RobotPose(x=0.0, y=0.0, theta=0.0))
         with _followed(log) as viewer:
@@ -195,9 +183,7 @@ def test_a_robot_that_explores_stays_on_the_plan(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_an_empty_log_fills(tmp_path: Path) -> None:
-    """
-    There is a viewer with nothing to see, then a door.
-    """
+    """There is a viewer with nothing to see, then a door."""
     with sl.create(tmp_path / "new", tz="UTC") as log, _followed(log, is_empty=True) as viewer:
         log.add_door(x=0.0, y=0.0, theta=0.0, width=1.0, state="closed")
         _becomes(viewer, DEFAULT.closed, view="Floor plan")

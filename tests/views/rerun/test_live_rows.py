@@ -127,9 +127,7 @@ def looks_follow_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
 @pytest.mark.parametrize("name", COMMITS)
 def test_what_comes_is_shown_as_a_file_would(name: str, tmp_path: Path) -> None:
-    """
-    Whether it became some more rows, or the recording began anew.
-    """
+    """Whether it became some more rows, or the recording began anew."""
     growing = Growing(tmp_path / "log", [])
     with sl.create(growing.path, tz="UTC", clock=growing.clock) as writer:
         writer.append([room()])
@@ -145,14 +143,11 @@ def test_what_comes_is_shown_as_a_file_would(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
-@pytest.mark.parametrize("make", [restless_log, wild_log])
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(("make", "seed"), [(restless_log, 0), (wild_log, 1)])
 def test_whatever_comes_is_shown_as_a_file_would(
     make: Callable[..., sl.DoorLog], seed: int, tmp_path: Path
 ) -> None:
-    """
-    Along all three timelines: late events, removals, moves, commits of many, much taken back.
-    """
+    """Along all three timelines: late events, removals, moves, commits of many, much taken back."""
     source = make(tmp_path / "source", seed=seed)
     rng = random.Random(seed)
     commits = list(_commits(source))[:MOST_COMMITS]

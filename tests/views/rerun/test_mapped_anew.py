@@ -32,10 +32,7 @@ def drawn(log: sl.DoorLog, tmp_path: Path, **how: str) -> Drawn:
 
 @pytest.mark.parametrize("known", ["rebased", "retracted"])
 def test_floor_and_costmap_are_those_of_the_moment(tmp_path: Path, known: str) -> None:
-    """
-    Along `happened` those of a replay; taken back, the old map is there at all times. Along
-    `recorded` and `event` the new map was there until it was taken back.
-    """
+    """Along `happened` those of a replay; taken back, the old map is there at all times."""
     path = office_mapped_anew(tmp_path)
     first = next(h.number for h in sl.read(path).history() if h.reason == "mapped anew")
     if known == "retracted":
@@ -61,9 +58,7 @@ def test_floor_and_costmap_are_those_of_the_moment(tmp_path: Path, known: str) -
 
 
 def test_robot_and_rooms_leave_with_their_plan(tmp_path: Path) -> None:
-    """
-    The arrow is gone until the robot tells its place on the new plan; the track stays behind.
-    """
+    """The arrow is gone until the robot tells its place on the new plan; the track stays behind."""
     log = sl.read(office_mapped_anew(tmp_path))
     drawing = drawn(log, tmp_path)
     before, after, later = (log.instant(at) for at in ("2026-03-02T13:00", MOVED_AT, MOMENTS[-1]))
@@ -84,9 +79,7 @@ def test_robot_and_rooms_leave_with_their_plan(tmp_path: Path) -> None:
 
 
 def test_a_part_after_the_change_has_one_plan(tmp_path: Path) -> None:
-    """
-    Along `happened`; what was known was recorded later, all of it.
-    """
+    """Along `happened`; what was known was recorded later, all of it."""
     log = sl.read(office_mapped_anew(tmp_path))
 
     drawing = drawn(log, tmp_path, since="2026-03-02T15:00")

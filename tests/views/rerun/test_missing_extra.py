@@ -26,9 +26,7 @@ def without_rerun(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_saving_says_what_to_install(tmp_path: Path) -> None:
-    """
-    As soon as its module is imported; a demo goes on without a recording.
-    """
+    """As soon as its module is imported; a demo goes on without a recording."""
     log = small_log(tmp_path / "log")
 
     with pytest.raises(MissingExtraError, match=r"pip install 'semmap-log\[viewer\]'"):
@@ -43,9 +41,7 @@ def test_saving_says_what_to_install(tmp_path: Path) -> None:
 
 
 def test_so_does_the_viewer(tmp_path: Path) -> None:
-    """
-    Before anything is started.
-    """
+    """Before anything is started."""
     from semmap_log.views.rerun.process import screenshot
 
     (tmp_path / "x.rrd").touch()

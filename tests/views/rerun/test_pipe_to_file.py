@@ -25,9 +25,7 @@ def small_files() -> Iterator[None]:
 
 
 def test_every_byte_arrives(tmp_path: Path) -> None:
-    """
-    More than a pipe holds goes through, in order.
-    """
+    """More than a pipe holds goes through, in order."""
     data = os.urandom(3_000_000)
 
     with piped_to(tmp_path / "x") as pump, Path(pump.inlet).open("wb") as inlet:
@@ -38,9 +36,7 @@ def test_every_byte_arrives(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("small_files")
 def test_a_full_disk_is_an_error_and_not_a_standstill(tmp_path: Path) -> None:
-    """
-    The writer's bytes are drained to the last; then the system's error comes.
-    """
+    """The writer's bytes are drained to the last; then the system's error comes."""
     with (
         pytest.raises(OSError, match="File too large"),
         piped_to(tmp_path / "x") as pump,
@@ -51,9 +47,7 @@ def test_a_full_disk_is_an_error_and_not_a_standstill(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("small_files")
 def test_the_error_is_known_before_the_end(tmp_path: Path) -> None:
-    """
-    `check` lets a long conversion stop early.
-    """
+    """`check` lets a long conversion stop early."""
 
     def fill() -> None:
         with piped_to(tmp_path / "x") as pump:
@@ -67,8 +61,6 @@ def test_the_error_is_known_before_the_end(tmp_path: Path) -> None:
 
 
 def test_an_error_of_the_writers_own_stays_the_error(tmp_path: Path) -> None:
-    """
-    The pump is closed on the way out.
-    """
+    """The pump is closed on the way out."""
     with pytest.raises(RuntimeError, match="ours"), piped_to(tmp_path / "x"):
         raise RuntimeError("ours")

@@ -35,9 +35,7 @@ def said(drawn: Drawn, lane: str, timeline: str = "event") -> list[tuple[int, st
 
 
 def test_each_robot_has_a_lane_that_says_what_it_drives_for(tmp_path: Path) -> None:
-    """
-    From start to end; between rounds is a gap, and a round without a name is its number.
-    """
+    """From start to end; between rounds is a gap, and a round without a name is its number."""
     drawn = drawn_of(
         tmp_path,
         (PatrolStarted(patrol=1), "tug1", "night round"),
@@ -53,9 +51,7 @@ def test_each_robot_has_a_lane_that_says_what_it_drives_for(tmp_path: Path) -> N
 
 
 def test_a_round_in_a_round_stands_before_it(tmp_path: Path) -> None:
-    """
-    Once the later one has ended, the earlier one goes on.
-    """
+    """Once the later one has ended, the earlier one goes on."""
     drawn = drawn_of(
         tmp_path,
         (PatrolStarted(patrol=1), "", "long"),
@@ -70,9 +66,7 @@ def test_a_round_in_a_round_stands_before_it(tmp_path: Path) -> None:
 
 
 def test_an_end_that_is_taken_back_lets_the_round_go_on(tmp_path: Path) -> None:
-    """
-    Along `event` it ended and goes on; along `happened` it never ended.
-    """
+    """Along `event` it ended and goes on; along `happened` it never ended."""
     drawn = drawn_of(
         tmp_path,
         (PatrolStarted(patrol=1), "", "night"),
@@ -85,9 +79,7 @@ def test_an_end_that_is_taken_back_lets_the_round_go_on(tmp_path: Path) -> None:
 
 
 def test_a_late_start_is_known_when_it_was_recorded(tmp_path: Path) -> None:
-    """
-    Along `happened` the round begins where it began.
-    """
+    """Along `happened` the round begins where it began."""
     began_ns = START - 600 * SECOND
     drawn = drawn_of(
         tmp_path,
@@ -100,9 +92,7 @@ def test_a_late_start_is_known_when_it_was_recorded(tmp_path: Path) -> None:
 
 
 def test_a_part_begins_within_the_round(tmp_path: Path) -> None:
-    """
-    What was driven then stands there from the first moment on; what was over by then does not.
-    """
+    """What was driven then stands there from the first moment on."""
     since_ns = START + 150 * SECOND
 
     drawn = drawn_of(

@@ -69,9 +69,7 @@ def _saved(tmp_path: Path, log: sl.DoorLog, **how: object) -> tuple[Drawn, RrdSu
 
 @pytest.mark.parametrize("palette", [DEFAULT, COLOUR_BLIND], ids=["default", "colour-blind"])
 def test_at_each_moment_the_latest_visit_is_shown(tmp_path: Path, palette: Palette) -> None:
-    """
-    Its leaf in the colour of what was said, until the next one has ended.
-    """
+    """Its leaf in the colour of what was said, until the next one has ended."""
     drawn, _ = _saved(tmp_path, sighted_log(tmp_path / "office"), palette=palette)
 
     shown = {}
@@ -92,9 +90,7 @@ def test_at_each_moment_the_latest_visit_is_shown(tmp_path: Path, palette: Palet
 
 
 def test_beams_lie_where_the_laser_saw_them(tmp_path: Path) -> None:
-    """
-    On the map's own metres, by what became of them.
-    """
+    """On the map's own metres, by what became of them."""
     drawn, _ = _saved(tmp_path, sighted_log(tmp_path / "office"))
 
     points = np.array(drawn.latest(f"{ROOT}/points", POINTS, _end_ns(0)))
@@ -112,9 +108,7 @@ def test_beams_lie_where_the_laser_saw_them(tmp_path: Path) -> None:
 
 
 def test_without_a_leaf_in_any_visit_none_is_drawn(tmp_path: Path) -> None:
-    """
-    Not even a point at the origin of the map.
-    """
+    """Not even a point at the origin of the map."""
     path = tmp_path / "office"
     log = sighted_log(path, visits=0)
     with keeping_scans(path, log.info.log_id) as kept:
@@ -127,9 +121,7 @@ def test_without_a_leaf_in_any_visit_none_is_drawn(tmp_path: Path) -> None:
 
 
 def test_scans_may_be_left_out(tmp_path: Path) -> None:
-    """
-    And where none are kept, nothing is.
-    """
+    """And where none are kept, nothing is."""
     log = sighted_log(tmp_path / "office")
 
     assert not any("sightings" in one for one in _saved(tmp_path, log, scans=None)[0].entities)
@@ -138,9 +130,7 @@ def test_scans_may_be_left_out(tmp_path: Path) -> None:
 
 
 def test_a_part_of_a_log_shows_the_visits_of_that_part(tmp_path: Path) -> None:
-    """
-    Between its two moments, and of the doors that were asked for.
-    """
+    """Between its two moments, and of the doors that were asked for."""
     log = sighted_log(tmp_path / "office", doors=2)
 
     drawn, _ = _saved(tmp_path, log, since=_end_ns(1), until=_end_ns(2), doors=[DoorId(1)])
@@ -150,9 +140,7 @@ def test_a_part_of_a_log_shows_the_visits_of_that_part(tmp_path: Path) -> None:
 
 
 def test_of_many_doors_those_with_most_visits_are_shown(tmp_path: Path) -> None:
-    """
-    How many are not is told; no call has more rows than the viewer likes.
-    """
+    """How many are not is told; no call has more rows than the viewer likes."""
     log = sighted_log(tmp_path / "office", doors=MOST_DOORS + 2, visits=1)
 
     drawn, summary = _saved(tmp_path, log)
@@ -164,9 +152,7 @@ def test_of_many_doors_those_with_most_visits_are_shown(tmp_path: Path) -> None:
 
 
 def test_a_torn_file_is_shown_as_far_as_it_goes(tmp_path: Path) -> None:
-    """
-    And it is said.
-    """
+    """And it is said."""
     log = sighted_log(tmp_path / "office")
     (file,) = (tmp_path / "office.scans").iterdir()
     file.write_bytes(file.read_bytes()[: chunks_at(file)[2] + 50])
@@ -178,9 +164,6 @@ def test_a_torn_file_is_shown_as_far_as_it_goes(tmp_path: Path) -> None:
 
 
 def test_the_same_scans_are_the_same_rows(tmp_path: Path) -> None:
-    """
-    Twice.
-    """
     log = sighted_log(tmp_path / "office")
 
     first, second = (_saved(tmp_path, log)[0].shows() for _ in range(2))
@@ -191,9 +174,7 @@ def test_the_same_scans_are_the_same_rows(tmp_path: Path) -> None:
 @pytest.mark.viewer
 @pytest.mark.slow
 def test_the_viewer_shows_a_door_as_the_laser_saw_it(tmp_path: Path) -> None:
-    """
-    Without a complaint; a name that it has no letters for gives way to the number.
-    """
+    """Without a complaint; a name that it has no letters for gives way to the number."""
     log = sighted_log(tmp_path / "office", name="会議室\x1b[31m")
     save_rrd(log, tmp_path / "x.rrd", scans=kept_visits)
 
@@ -212,9 +193,7 @@ def test_the_viewer_shows_a_door_as_the_laser_saw_it(tmp_path: Path) -> None:
 
 
 def test_the_plan_leaves_sightings_out(tmp_path: Path) -> None:
-    """
-    They have views of their own, on pages behind the plan: of each door one, around it.
-    """
+    """They have views of their own, on pages behind the plan: of each door one, around it."""
     from semmap_log.views.excerpt.span import Excerpt
     from semmap_log.views.rerun.contents import find_scene
     from semmap_log.views.rerun.recording import layout

@@ -54,9 +54,7 @@ def lines(drawn: Drawn) -> list[int]:
 
 
 def test_repeats_have_no_line(tmp_path: Path) -> None:
-    """
-    A sighting of what is known already is left out; the changes stay.
-    """
+    """A sighting of what is known already is left out; the changes stay."""
     opened, closed = DoorState.OPEN, DoorState.CLOSED
 
     drawn = told(tmp_path, [(1, opened), (2, opened), (3, closed), (4, closed), (5, opened)])
@@ -65,9 +63,7 @@ def test_repeats_have_no_line(tmp_path: Path) -> None:
 
 
 def test_of_repeats_only_sightings_are_left_out(tmp_path: Path) -> None:
-    """
-    What somebody said about a door stays, though it changes nothing.
-    """
+    """What somebody said about a door stays, though it changes nothing."""
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([DoorAdded(door_id=DOOR, state=DoorState.OPEN)])
         log.append([DoorObserved(door_id=DOOR, state=DoorState.OPEN)])
@@ -81,9 +77,7 @@ def test_of_repeats_only_sightings_are_left_out(tmp_path: Path) -> None:
 
 
 def test_around_late_and_undone_sightings_every_line_stays(tmp_path: Path) -> None:
-    """
-    The second OPEN is a change after the late CLOSED; the third repeats it, the fourth does not.
-    """
+    """The second OPEN is a change after the late CLOSED."""
     opened, closed = DoorState.OPEN, DoorState.CLOSED
 
     drawn = told(
@@ -96,9 +90,7 @@ def test_around_late_and_undone_sightings_every_line_stays(tmp_path: Path) -> No
 
 
 def test_the_summary_says_how_much_was_left_out(tmp_path: Path) -> None:
-    """
-    A robot that stands still is drawn once in half a minute.
-    """
+    """A robot that stands still is drawn once in half a minute."""
     clock = SteadyClock(START)
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         log.append([DoorAdded(door_id=DOOR, state=DoorState.OPEN)])
@@ -116,9 +108,7 @@ def test_the_summary_says_how_much_was_left_out(tmp_path: Path) -> None:
 
 
 def test_a_slow_robot_is_not_lost() -> None:
-    """
-    Steps of 1 cm: each fifth pose is drawn, as are those of a robot that turns.
-    """
+    """Steps of 1 cm: each fifth pose is drawn, as are those of a robot that turns."""
     n = 101
     still, level = np.zeros(n), np.zeros(n, np.uint16)
     times = np.zeros(n, np.int64)

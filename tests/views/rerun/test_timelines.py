@@ -61,9 +61,7 @@ def test_each_timeline_shows_what_a_replay_gives(
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_part_shows_the_same_along_its_timelines(seed: int, tmp_path: Path) -> None:
-    """
-    From a moment on and before another: along `recorded` also what was told of the time before it.
-    """
+    """From a moment on and before another."""
     log = wild_log(tmp_path / "log", seed=seed)
     rng = random.Random(seed)
     since, until = START + 2_000 * SECOND, START + 6_000 * SECOND
@@ -76,9 +74,7 @@ def test_a_part_shows_the_same_along_its_timelines(seed: int, tmp_path: Path) ->
 
 
 def test_a_part_holds_nothing_that_was_recorded_behind_it(tmp_path: Path) -> None:
-    """
-    A sighting within the part of which the log learnt later: on `happened`, and nowhere else.
-    """
+    """A sighting within the part of which the log learnt later: on `happened`, and nowhere else."""
     clock = SteadyClock(START)
     until = START + 60 * SECOND
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
@@ -95,9 +91,7 @@ def test_a_part_holds_nothing_that_was_recorded_behind_it(tmp_path: Path) -> Non
 
 
 def test_a_part_goes_on_from_what_was_known_at_its_begin(tmp_path: Path) -> None:
-    """
-    And not from what was known when something was taken back, long before.
-    """
+    """And not from what was known when something was taken back, long before."""
     clock = SteadyClock(START)
     door = DoorId(1)
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
@@ -161,9 +155,7 @@ def _shares(both: Any) -> Any:
 
 
 def test_a_sighting_counts_until_it_is_taken_back(tmp_path: Path) -> None:
-    """
-    The state falls back to what the map says without it; it is not on `happened` at all.
-    """
+    """The state falls back to what the map says without it; it is not on `happened` at all."""
     door = DoorId(1)
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([DoorAdded(door_id=door, x=0, y=0, theta=0, width=1, state=DoorState.CLOSED)])
@@ -178,9 +170,7 @@ def test_a_sighting_counts_until_it_is_taken_back(tmp_path: Path) -> None:
 
 
 def test_a_door_comes_back_when_its_removal_is_taken_back(tmp_path: Path) -> None:
-    """
-    Along `event` it vanishes and returns with all it had; along `happened` it was there all along.
-    """
+    """Along `event` it vanishes and returns with all it had."""
     door = DoorId(1)
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([DoorAdded(door_id=door, x=0, y=0, theta=0, width=1, state=DoorState.OPEN)])
@@ -197,9 +187,7 @@ def test_a_door_comes_back_when_its_removal_is_taken_back(tmp_path: Path) -> Non
 
 
 def test_a_removal_and_a_return_in_one_commit_leave_the_door_there(tmp_path: Path) -> None:
-    """
-    A commit is known as a whole: along `recorded` the door never goes.
-    """
+    """A commit is known as a whole: along `recorded` the door never goes."""
     door = DoorId(1)
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([DoorAdded(door_id=door, x=0, y=0, theta=0, width=1, state=DoorState.OPEN)])
@@ -214,9 +202,7 @@ def test_a_removal_and_a_return_in_one_commit_leave_the_door_there(tmp_path: Pat
 
 
 def test_a_door_that_was_added_by_mistake_is_seen_until_that_was_known(tmp_path: Path) -> None:
-    """
-    Along `recorded` it comes and goes; along `happened` it never was.
-    """
+    """Along `recorded` it comes and goes; along `happened` it never was."""
     clock = SteadyClock(START)
     with sl.create(tmp_path / "log", tz="UTC", clock=clock) as log:
         log.append([DoorAdded(door_id=DoorId(1), x=0, y=0, theta=0, width=1)])

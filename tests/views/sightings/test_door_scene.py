@@ -40,9 +40,7 @@ def _kept(leaf: tuple[float, ...] | None) -> KeptVisit:
 def test_beams_end_on_the_line_behind_it_or_before(
     leaf: tuple[float, ...] | None, fate: Fate
 ) -> None:
-    """
-    And most do what the leaf makes them do.
-    """
+    """And most do what the leaf makes them do."""
     beams = door_scene(_kept(leaf)).beams
 
     toward = beams.toward()
@@ -52,9 +50,7 @@ def test_beams_end_on_the_line_behind_it_or_before(
 
 
 def test_ends_are_where_the_beams_met_something() -> None:
-    """
-    In the frame of the door: a shut leaf lies on the line, the far wall 3 m behind it.
-    """
+    """In the frame of the door: a shut leaf lies on the line, the far wall 3 m behind it."""
     shut, wide = (door_scene(_kept(leaf)).beams for leaf in (SHUT, None))
 
     np.testing.assert_allclose(shut.of(Fate.stopped).ends[:, 1], 0.0, atol=1e-9)
@@ -62,9 +58,7 @@ def test_ends_are_where_the_beams_met_something() -> None:
 
 
 def test_the_leaf_and_the_way_of_the_laser_are_in_the_frame_of_the_door() -> None:
-    """
-    The robot goes by a metre before the door, on its right.
-    """
+    """The robot goes by a metre before the door, on its right."""
     scene = door_scene(_kept(SHUT))
 
     np.testing.assert_allclose(scene.leaves, [[0, 0], [1, 0]], atol=1e-9)
@@ -73,9 +67,7 @@ def test_the_leaf_and_the_way_of_the_laser_are_in_the_frame_of_the_door() -> Non
 
 
 def test_a_beam_that_is_lost_is_drawn_on_the_line_and_one_not_measured_nowhere() -> None:
-    """
-    Nobody knows where it went.
-    """
+    """Nobody knows where it went."""
     visit, (scan, *_) = seen_visit(leaf=None)
     toward = np.flatnonzero(np.abs(scan.bearings - math.atan2(1.0, 1.5)) < 0.1)
     ranges = scan.ranges.copy()
@@ -89,9 +81,7 @@ def test_a_beam_that_is_lost_is_drawn_on_the_line_and_one_not_measured_nowhere()
 
 
 def test_a_visit_without_scans_has_nothing_to_draw() -> None:
-    """
-    Where the robot drove through, say.
-    """
+    """Where the robot drove through, say."""
     scene = door_scene(KeptVisit(some_visit(passed=True), 0, LINE, ()))
 
     assert (len(scene.beams.ends), len(scene.track), len(scene.leaves)) == (0, 0, 0)
@@ -101,9 +91,7 @@ def test_a_visit_without_scans_has_nothing_to_draw() -> None:
 def test_the_door_frame_and_back(
     place: tuple[float, float, float], points: list[tuple[float, float]]
 ) -> None:
-    """
-    Every point of the map is one of the door's frame, at the same distance from its start.
-    """
+    """Every point of the map is one of the door's frame, at the same distance from its start."""
     line, where = (*place, 0.9), np.array(points).reshape(-1, 2)
 
     inside = in_door_frame(where, line)
@@ -115,9 +103,7 @@ def test_the_door_frame_and_back(
 
 
 def test_half_of_what_is_shown_is_doubtful() -> None:
-    """
-    The rest is spread over all others; passages have no scans.
-    """
+    """The rest is spread over all others; passages have no scans."""
     visits = [some_visit(at_s=n, accuracy=0.99) for n in range(100)]
     visits[7] = replace(visits[7], state=DoorState.UNKNOWN)
     visits[50] = replace(visits[50], accuracy=0.81)
@@ -133,18 +119,13 @@ def test_half_of_what_is_shown_is_doubtful() -> None:
 
 @given(st.integers(0, 30), st.integers(1, 30))
 def test_no_more_are_shown_than_there_are(visits: int, most: int) -> None:
-    """
-    Each once.
-    """
     chosen = worth_a_look([some_visit(at_s=n) for n in range(visits)], most)
 
     assert len(chosen) == len(set(chosen)) == min(visits, most)
 
 
 def test_a_visit_in_words() -> None:
-    """
-    What is said, on what grounds, when.
-    """
+    """What is said, on what grounds, when."""
     visit = some_visit(accuracy=0.987, looks=12.3, through=0.0, stopped=5.25, behind_m=0.034)
     shut = replace(visit, state=DoorState.CLOSED)
 
@@ -160,9 +141,7 @@ def test_a_visit_in_words() -> None:
 
 
 def test_scans_of_thousands_of_beams_are_told_at_once() -> None:
-    """
-    Nothing is lost of a large one.
-    """
+    """Nothing is lost of a large one."""
     visit, _ = seen_visit()
     scan = some_scan(visit.first_ns, 2.5, 0.0, leaf=SHUT, beams=200_000)
 
@@ -173,9 +152,7 @@ def test_scans_of_thousands_of_beams_are_told_at_once() -> None:
 
 
 def test_what_is_nearly_sure_does_not_look_sure() -> None:
-    """
-    However many digits that takes.
-    """
+    """However many digits that takes."""
     said = [verdict(replace(some_visit(), state=DoorState.OPEN, accuracy=accuracy))
             for accuracy in (0.98, 0.996, 0.9996)]  # fmt: skip
 

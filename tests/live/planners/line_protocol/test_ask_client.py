@@ -19,9 +19,7 @@ from semmap_log.live.planners.question_lines import MOST_LINE_BYTES
 
 
 def test_an_answer_without_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """
-    What listens there may be any program.
-    """
+    """What listens there may be any program."""
     monkeypatch.setattr(tokens, "MOST_ANSWER_BYTES", 2**20)
     path = tmp_path / "stranger"
     with socket.socket(socket.AF_UNIX) as listener:
@@ -48,12 +46,8 @@ def talk(listener: socket.socket) -> None:
             return
 
 
-def test_of_a_long_line_of_stdin_no_more_is_read_at_once(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """
-    Its beginning is asked, which the server refuses; the line after it is one of its own.
-    """
+def test_of_a_long_line_of_stdin_no_more_is_read_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its beginning is asked, which the server refuses; the line after it is one of its own."""
     long = "x" * (5 * MOST_LINE_BYTES)
     monkeypatch.setattr(sys, "stdin", io.StringIO(f"HELP\n{long}\nDOORS\r\n{long}"))
 

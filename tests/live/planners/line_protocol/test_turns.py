@@ -80,9 +80,7 @@ def test_short_parts_come_more_often_than_long_ones(
 
 
 def test_who_comes_back_has_no_turns_saved(turns: Turns, clients: list[Connection]) -> None:
-    """
-    Half an hour of silence is no right to half an hour of work before others have any.
-    """
+    """Half an hour of silence is no right to half an hour of work before others have any."""
     doing, busy, silent = Doing(), *clients
     turns.add(busy, doing.work("busy", 10))
     wait_until(lambda: len(doing.done) == 10, "the first work")

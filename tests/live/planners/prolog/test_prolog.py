@@ -36,9 +36,7 @@ def prolog(ask: Asker, tmp_path: Path) -> Iterator[Ask]:
 
 @needs_swipl
 def test_what_is_true_is_found_by_backtracking(prolog: Ask) -> None:
-    """
-    Doors by id, as numbers; also by name, and the other way round: which are open.
-    """
+    """Doors by id, as numbers; also by name, and the other way round: which are open."""
     assert [
         "[1-open,2-closed,3-unknown,4-moving,5-offline]",
         "[1]",
@@ -66,9 +64,7 @@ def test_what_is_true_is_found_by_backtracking(prolog: Ask) -> None:
 
 @needs_swipl
 def test_a_time_asks_what_was_true_or_believed_then(tmp_path: Path) -> None:
-    """
-    As a text, an event, or a time stamp of Prolog's own, to the last digit that it has.
-    """
+    """As a text, an event, or a time stamp of Prolog's own, to the last digit that it has."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.add_door(state="open", at="2026-03-01T12:00")  # event 0
         log.add_door(state="open", at="2026-03-01T12:00")
@@ -104,9 +100,7 @@ def test_a_time_asks_what_was_true_or_believed_then(tmp_path: Path) -> None:
 
 @needs_swipl
 def test_actions_succeed_when_they_last_and_fail_when_refused(prolog: Ask, path: Path) -> None:
-    """
-    With the reason; what is in the log then is what Prolog was told.
-    """
+    """With the reason; what is in the log then is what Prolog was told."""
     assert [
         "[x]",
         "[]",
@@ -149,9 +143,7 @@ def test_actions_succeed_when_they_last_and_fail_when_refused(prolog: Ask, path:
 
 @needs_swipl
 def test_what_is_likely_is_learnt_or_fails(prolog: Ask, path: Path) -> None:
-    """
-    Of a door of which nothing was seen there is no number, and refusal/1 says so.
-    """
+    """Of a door of which nothing was seen there is no number, and refusal/1 says so."""
     none, why, likely, following, two = prolog(
         "P :- p_open(3, P)",
         'R :- (\\+ p_open(3, "now", _), refusal(R))',
@@ -237,9 +229,7 @@ def say(text: str, question: dict[str, Any]) -> bytes:
 
 @needs_swipl
 def test_a_lost_answer_is_asked_for_again_with_the_same_id(tmp_path: Path) -> None:
-    """
-    So that an action is done once. A question, too: nobody is told of the broken connection.
-    """
+    """So that an action is done once. A question, too: nobody is told of the broken connection."""
 
     def answer(count: int, question: dict[str, Any]) -> bytes | None:
         return None if count == 1 else say(ANSWER, question)
@@ -273,9 +263,7 @@ def test_a_lost_answer_is_asked_for_again_with_the_same_id(tmp_path: Path) -> No
 def test_an_answer_that_is_none_is_an_error_and_not_the_next_ones(
     answer: bytes, error: str, tmp_path: Path
 ) -> None:
-    """
-    The connection is left where a late answer could be taken for that of another question.
-    """
+    """The connection is left where a late answer could be taken for that of another question."""
 
     def reply(count: int, question: dict[str, Any]) -> bytes:
         return answer if count == 0 else say(ANSWER, question)
@@ -289,9 +277,7 @@ def test_an_answer_that_is_none_is_an_error_and_not_the_next_ones(
 
 @needs_swipl
 def test_who_is_interrupted_gets_no_answer_of_before(prolog: Ask) -> None:
-    """
-    A time limit of the program's own ends a question; the next one has its own answer.
-    """
+    """A time limit of the program's own ends a question; the next one has its own answer."""
     assert ["[]", "[time_limit_exceeded]", "[open]", "[[2]]"] == prolog(
         "x :- wait_until(1, closed, 0.01)",
         "E :- catch(call_with_time_limit(0.2, wait_until(1, closed, 50)), E, true)",
@@ -302,9 +288,7 @@ def test_who_is_interrupted_gets_no_answer_of_before(prolog: Ask) -> None:
 
 @needs_swipl
 def test_where_nobody_answers_is_an_error_at_once(tmp_path: Path) -> None:
-    """
-    And so is having named nobody.
-    """
+    """And so is having named nobody."""
     assert [
         "error(existence_error(door_server,none))",
         "[x]",
@@ -314,9 +298,7 @@ def test_where_nobody_answers_is_an_error_at_once(tmp_path: Path) -> None:
 
 @needs_swipl
 def test_each_thread_has_a_connection_of_its_own(ask: Asker, tmp_path: Path) -> None:
-    """
-    Four at once get each its own answers, and their connections end with them.
-    """
+    """Four at once get each its own answers, and their connections end with them."""
     with serving(ask, unix_in(tmp_path)) as server:
         found = solutions(
             tmp_path,
@@ -332,9 +314,7 @@ def test_each_thread_has_a_connection_of_its_own(ask: Asker, tmp_path: Path) -> 
 
 @needs_swipl
 def test_a_token_is_given_first(ask: Asker, tmp_path: Path) -> None:
-    """
-    The right one opens; with a wrong one, or none, the server's words are the error.
-    """
+    """The right one opens; with a wrong one, or none, the server's words are the error."""
     token = "correct-horse-battery"
     with serving(ask, "tcp:127.0.0.1:0", token=token) as server:
         address = server.address
@@ -357,9 +337,7 @@ def test_a_token_is_given_first(ask: Asker, tmp_path: Path) -> None:
 def test_a_server_that_is_killed_and_started_again_is_found_again(
     path: Path, tmp_path: Path
 ) -> None:
-    """
-    The program in Prolog sees nothing of it.
-    """
+    """The program in Prolog sees nothing of it."""
     command = [sys.executable, "-m", "semmap_log", "serve", str(path), "--ask", "unix:s"]
 
     def start() -> Running:
@@ -397,9 +375,7 @@ def test_a_server_that_is_killed_and_started_again_is_found_again(
 
 
 def test_the_module_is_laid_out_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """
-    The same again is left; another file of that name is nobody's to replace.
-    """
+    """The same again is left; another file of that name is nobody's to replace."""
     with pytest.raises(SystemExit):
         main(["prolog-module", str(tmp_path / "planner")])
     module = tmp_path / "planner" / "semmap_log.pl"

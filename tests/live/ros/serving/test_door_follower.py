@@ -23,9 +23,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_the_doors_are_those_of_the_writer(path: Path) -> None:
-    """
-    A commit, and a retraction, are told and seen; the log is not locked.
-    """
+    """A commit, and a retraction, are told and seen; the log is not locked."""
     wake = threading.Event()
     follower = DoorFollower(path, changed=wake.set, poll_s=0.001)
     first = len(follower.door_map())
@@ -42,9 +40,7 @@ def test_the_doors_are_those_of_the_writer(path: Path) -> None:
 
 
 def test_goals_are_refused(path: Path) -> None:
-    """
-    All four, with the result that says that nothing was done.
-    """
+    """All four, with the result that says that nothing was done."""
     follower = DoorFollower(path)
 
     outcomes = [
@@ -61,17 +57,13 @@ def test_goals_are_refused(path: Path) -> None:
 
 
 def test_without_a_log_there_is_nothing_to_follow(tmp_path: Path) -> None:
-    """
-    Said at once, not by a thread.
-    """
+    """Said at once, not by a thread."""
     with pytest.raises(NotALogError):
         DoorFollower(tmp_path)
 
 
 def test_a_log_that_was_exchanged_is_told(path: Path, tmp_path: Path) -> None:
-    """
-    Who asks for the doors gets the error; it is not answered with old doors for ever.
-    """
+    """Who asks for the doors gets the error; it is not answered with old doors for ever."""
     wake = threading.Event()
     follower = DoorFollower(path, changed=wake.set, poll_s=0.001)
     sl.create(tmp_path / "other", tz="UTC").close()

@@ -27,9 +27,7 @@ def _placed(door: Door) -> tuple[float, ...]:
 
 
 def test_a_door_is_added_and_its_id_returned(server: DoorServer) -> None:
-    """
-    The goal is one commit: its id the command's, its client the actor; 100 percent comes before.
-    """
+    """The goal is one commit: its id the command's, its client the actor."""
     told: list[float] = []
     goal = goal_of("AddDoor", "/tester-1-2.3", told.append, **DOOR)
 
@@ -47,9 +45,7 @@ def test_a_door_is_added_and_its_id_returned(server: DoorServer) -> None:
 
 @pytest.mark.parametrize("name", FIELDS)
 def test_each_field_is_updated_alone(server: DoorServer, name: str) -> None:
-    """
-    The other values of the goal count for nothing, however wrong.
-    """
+    """The other values of the goal count for nothing, however wrong."""
     server.run(goal_of("AddDoor", "a", **DOOR))
     bit, values = FIELDS[name]
     wrong = {"pos_x": NAN, "width": -1.0, "door_state": "ajar", "prob_open": 7, "prob_closed": 7}
@@ -68,9 +64,7 @@ def test_each_field_is_updated_alone(server: DoorServer, name: str) -> None:
 
 
 def test_all_fields_of_an_update_are_one_commit(server: DoorServer) -> None:
-    """
-    Nobody ever sees half of an update.
-    """
+    """Nobody ever sees half of an update."""
     server.run(goal_of("AddDoor", "a", **DOOR))
     values = {key: value for _, some in FIELDS.values() for key, value in some.items()}
 
@@ -81,9 +75,7 @@ def test_all_fields_of_an_update_are_one_commit(server: DoorServer) -> None:
 
 
 def test_an_update_that_changes_nothing_is_true_and_no_event(server: DoorServer) -> None:
-    """
-    Neither one without flags, nor one with the values that the door has.
-    """
+    """Neither one without flags, nor one with the values that the door has."""
     server.run(goal_of("AddDoor", "a", **DOOR))
 
     without = server.run(goal_of("UpdateDoor", "u", door_id=1))
@@ -94,9 +86,7 @@ def test_an_update_that_changes_nothing_is_true_and_no_event(server: DoorServer)
 
 
 def test_what_an_update_does_not_change_is_not_said_to_change(server: DoorServer) -> None:
-    """
-    The event names only what is another now.
-    """
+    """The event names only what is another now."""
     server.run(goal_of("AddDoor", "a", **DOOR))
     values = DOOR | {"width": 1.0}
 
@@ -106,9 +96,7 @@ def test_what_an_update_does_not_change_is_not_said_to_change(server: DoorServer
 
 
 def test_a_removed_door_is_gone_and_its_id_too(server: DoorServer) -> None:
-    """
-    Removing once is true, twice is not; the next door gets another id.
-    """
+    """Removing once is true, twice is not; the next door gets another id."""
     server.run(goal_of("AddDoor", "a", **DOOR))
 
     first = server.run(goal_of("RemoveDoor", "r", door_id=1))
@@ -153,9 +141,7 @@ NOTHING = {
 def test_a_wrong_goal_is_aborted_with_a_text(
     server: DoorServer, action: str, values: dict[str, object], text: str
 ) -> None:
-    """
-    Nothing is written, and the result says so.
-    """
+    """Nothing is written, and the result says so."""
     server.run(goal_of("AddDoor", "a", **DOOR))
     before = DOOR if action == "AddDoor" else {"door_id": 1}
 
@@ -167,9 +153,7 @@ def test_a_wrong_goal_is_aborted_with_a_text(
 
 
 def test_a_probability_that_is_nan_is_not_given(server: DoorServer) -> None:
-    """
-    A new door has none; that of a known door stays as it is, and the text says so.
-    """
+    """A new door has none; that of a known door stays as it is, and the text says so."""
     added = server.run(goal_of("AddDoor", "a", **DOOR | {"prob_open": NAN}))
     updated = server.run(
         goal_of("UpdateDoor", "u", door_id=1, change_prob_closed=True, prob_closed=NAN)
@@ -185,9 +169,7 @@ def test_a_probability_that_is_nan_is_not_given(server: DoorServer) -> None:
 
 @pytest.mark.parametrize("text", ["ajar", "", "MOVING", "2"])
 def test_a_state_that_is_none_is_unknown_with_a_warning(server: DoorServer, text: str) -> None:
-    """
-    As the thesis has it (4.2.2); the goal succeeds.
-    """
+    """As the thesis has it (4.2.2); the goal succeeds."""
     outcome = server.run(goal_of("AddDoor", "a", **DOOR | {"door_state": text}))
 
     assert (True, {"door_id": 1}) == (outcome.succeeded, outcome.result)
@@ -196,9 +178,7 @@ def test_a_state_that_is_none_is_unknown_with_a_warning(server: DoorServer, text
 
 
 def test_a_state_may_be_written_in_any_case(server: DoorServer) -> None:
-    """
-    `open` is no less plain than `OPEN`.
-    """
+    """`open` is no less plain than `OPEN`."""
     outcome = server.run(goal_of("AddDoor", "a", **DOOR | {"door_state": " open"}))
 
     assert (True, "") == (outcome.succeeded, outcome.text)
@@ -206,9 +186,7 @@ def test_a_state_may_be_written_in_any_case(server: DoorServer) -> None:
 
 
 def test_a_door_without_a_place_gets_pose_and_width_together(path: Path) -> None:
-    """
-    One of them alone is aborted with what to do.
-    """
+    """One of them alone is aborted with what to do."""
     with sl.append(path) as log:
         log.add_door(name="sensor")
     server = door_server(path)
@@ -226,9 +204,7 @@ def test_a_door_without_a_place_gets_pose_and_width_together(path: Path) -> None
 
 
 def test_the_same_goal_again_is_answered_and_not_applied(path: Path, root: Path) -> None:
-    """
-    Also after a restart, and though the door is gone meanwhile.
-    """
+    """Also after a restart, and though the door is gone meanwhile."""
     first = door_server(path, root)
     goals = [
         goal_of("AddDoor", "a", **DOOR),
@@ -251,9 +227,7 @@ def test_the_same_goal_again_is_answered_and_not_applied(path: Path, root: Path)
 
 
 def test_another_goal_of_the_same_id_is_aborted(server: DoorServer) -> None:
-    """
-    Two clients that draw the same id must not take one's answer for the other's.
-    """
+    """Two clients that draw the same id must not take one's answer for the other's."""
     server.run(goal_of("AddDoor", "a", **DOOR))
 
     outcome = server.run(goal_of("AddDoor", "a", **DOOR | {"width": 1.0}))
@@ -283,9 +257,7 @@ def test_goals_count_though_the_clock_went_back(path: Path) -> None:
 
 
 def test_with_several_levels_it_must_be_said_where_new_doors_are(path: Path) -> None:
-    """
-    The thesis's goal has no level.
-    """
+    """The thesis's goal has no level."""
     with sl.append(path) as log:
         log.append([LevelAdded(level=1, name="ground"), LevelAdded(level=2, name="first")])
     silent = door_server(path)
@@ -302,9 +274,7 @@ def test_with_several_levels_it_must_be_said_where_new_doors_are(path: Path) -> 
 
 
 def test_goals_that_come_together_are_all_stored(path: Path) -> None:
-    """
-    From eight threads: each its own id, and the log holds them all.
-    """
+    """From eight threads: each its own id, and the log holds them all."""
     changes: list[None] = []
     server = door_server(path, changed=lambda: changes.append(None))
     ids: list[int] = []
@@ -326,9 +296,7 @@ def test_goals_that_come_together_are_all_stored(path: Path) -> None:
 
 
 def test_who_cannot_hear_of_the_progress_hears_of_the_result(server: DoorServer) -> None:
-    """
-    ROS ends, or the client has gone: what was done is done.
-    """
+    """ROS ends, or the client has gone: what was done is done."""
 
     def gone(_percent: float) -> None:
         raise RuntimeError("the context is not valid")
@@ -341,9 +309,7 @@ def test_who_cannot_hear_of_the_progress_hears_of_the_result(server: DoorServer)
 def test_a_goal_is_on_the_disk_when_it_is_answered(
     server: DoorServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Not soon after: the client may act on it before a power cut.
-    """
+    """Not soon after: the client may act on it before a power cut."""
     synced: list[int] = []
     real = os.fdatasync
     monkeypatch.setattr(os, "fdatasync", lambda fd: synced.append(events_in(server)) or real(fd))

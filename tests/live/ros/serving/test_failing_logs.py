@@ -30,9 +30,7 @@ def _full_disk(room: int) -> Iterator[None]:
 def test_a_write_that_fails_aborts_the_goal_and_not_the_server(
     server: DoorServer, path: Path, root: Path
 ) -> None:
-    """
-    Nothing half is stored; the doors are still offered; with room again the same goals succeed.
-    """
+    """Nothing half is stored; the doors are still offered."""
     server.run(goal_of("AddDoor", "a", **DOOR))
     (segment,) = path.glob("*.mcap")
     goals = [goal_of("AddDoor", "b", **DOOR), goal_of("RemoveDoor", "r", door_id=1),
@@ -57,9 +55,7 @@ def test_a_write_that_fails_aborts_the_goal_and_not_the_server(
 
 
 def test_a_log_that_is_removed_under_the_server_takes_no_goal(server: DoorServer) -> None:
-    """
-    A file without a name would still take events, and be gone with the process.
-    """
+    """A file without a name would still take events, and be gone with the process."""
     path = server.log.path
     server.run(goal_of("AddDoor", "a", **DOOR))
     shutil.copytree(path, path.with_name("copy"))
@@ -78,9 +74,7 @@ def test_a_log_that_is_removed_under_the_server_takes_no_goal(server: DoorServer
 def test_saving_stays_true_though_the_log_cannot_note_it(
     server: DoorServer, path: Path, root: Path
 ) -> None:
-    """
-    The file is there: the boolean says so, the goal is aborted, the text says why.
-    """
+    """The file is there: the boolean says so, the goal is aborted, the text says why."""
     server.run(goal_of("AddDoor", "a", **DOOR))
     (segment,) = path.glob("*.mcap")
 
@@ -93,9 +87,7 @@ def test_saving_stays_true_though_the_log_cannot_note_it(
 
 
 def test_a_log_that_cannot_be_opened_again_is_tried_with_each_goal(path: Path) -> None:
-    """
-    Another process took the lock meanwhile: goals are aborted, until it lets go.
-    """
+    """Another process took the lock meanwhile: goals are aborted, until it lets go."""
     openings = iter([sl.append, _locked, _locked, sl.append])
     server = DoorServer(lambda: next(openings)(path), DoorSaver(None, path))
     server.run(goal_of("AddDoor", "a", **DOOR))
@@ -117,9 +109,7 @@ def _locked(path: Path) -> sl.DoorLogWriter:
 
 
 def test_doors_are_told_when_a_log_was_opened_anew(path: Path) -> None:
-    """
-    The write that failed may be stored after all: who shows the doors has to look.
-    """
+    """The write that failed may be stored after all: who shows the doors has to look."""
     changes: list[None] = []
     server = door_server(path, changed=lambda: changes.append(None))
     server.run(goal_of("AddDoor", "a", **DOOR))

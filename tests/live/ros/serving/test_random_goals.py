@@ -103,9 +103,7 @@ _numbered: Callable[[], int] = count().__next__
 def test_random_goals_do_what_a_dictionary_would(
     tmp_path_factory: pytest.TempPathFactory, goals: list[tuple[str, dict[str, object]]]
 ) -> None:
-    """
-    Each boolean is true to what the log says, and an aborted goal has a text and no event.
-    """
+    """Each boolean is true to what the log says, and an aborted goal has a text and no event."""
     path = tmp_path_factory.mktemp("model") / "log"
     sl.create(path, tz="UTC", durability="none").close()
     server = DoorServer(lambda: sl.append(path, durability="none"), DoorSaver(None, path))

@@ -20,9 +20,7 @@ from tests.live.ros.serving.goals import DOOR, goal_of
 
 
 def test_saving_writes_the_thesis_yaml_and_a_note_of_it(server: DoorServer, root: Path) -> None:
-    """
-    The file is what `import` and the thesis's server read; the log says that it was saved.
-    """
+    """The file is what `import` and the thesis's server read; the log says that it was saved."""
     server.run(goal_of("AddDoor", "a", **DOOR))
 
     outcome = server.run(goal_of("SaveDoorDB", "s", file_name="doors.yaml"))
@@ -35,9 +33,7 @@ def test_saving_writes_the_thesis_yaml_and_a_note_of_it(server: DoorServer, root
 
 
 def test_absolute_paths_inside_the_root_are_fine(server: DoorServer, root: Path) -> None:
-    """
-    By the root's name, or by where that leads; in folders below, too.
-    """
+    """By the root's name, or by where that leads; in folders below, too."""
     (root / "below").mkdir()
     link = root.parent / "link"
     link.symlink_to(root)
@@ -86,9 +82,7 @@ OUTSIDE = [
 def test_nothing_is_written_outside_the_root(
     server: DoorServer, root: Path, trap: Path, name: str
 ) -> None:
-    """
-    Nor over a link, folder or pipe inside it; the text names the root.
-    """
+    """Nor over a link, folder or pipe inside it; the text names the root."""
     before = sorted(root.iterdir())
     file_name = name.format(outside=trap, root=root)
 
@@ -105,9 +99,7 @@ def test_nothing_is_written_outside_the_root(
 def test_a_link_in_place_of_the_temporary_file_is_not_followed(
     server: DoorServer, root: Path, trap: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Were its name foreseen by somebody who may write into the root, another would be drawn.
-    """
+    """Were its name foreseen by somebody who may write into the root, another would be drawn."""
     tokens, random = iter([b"\xbe\xef", b"\xca\xfe"]), os.urandom
     foreseen = lambda size: next(tokens) if size == TOKEN_BYTES else random(size)  # noqa: E731
     monkeypatch.setattr("os.urandom", foreseen)
@@ -124,9 +116,7 @@ def test_a_link_in_place_of_the_temporary_file_is_not_followed(
 def test_a_folder_that_is_exchanged_meanwhile_leads_nowhere(
     server: DoorServer, root: Path, trap: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """
-    Behind the look at it, for a link that leads outside: the file is in the folder that was opened.
-    """
+    """Behind the look at it, for a link that leads outside."""
     (root / "below").mkdir()
 
     def exchange(*_: object) -> None:
@@ -143,9 +133,7 @@ def test_a_folder_that_is_exchanged_meanwhile_leads_nowhere(
 
 
 def test_without_a_root_there_is_a_folder_beside_the_log(path: Path) -> None:
-    """
-    It is made when the first file is saved; the log's own folder stays the log's.
-    """
+    """It is made when the first file is saved; the log's own folder stays the log's."""
     server = door_server(path, None)
     server.run(goal_of("AddDoor", "a", **DOOR))
     folder = path.parent / "log_saved"
@@ -183,9 +171,7 @@ def test_a_folder_that_may_not_be_written_is_told(
 
 
 def test_other_logs_are_no_place_to_save_in(server: DoorServer, root: Path) -> None:
-    """
-    A root may hold them: their metadata.yaml is not a stranger's to write.
-    """
+    """A root may hold them: their metadata.yaml is not a stranger's to write."""
     sl.create(root / "lab", tz="UTC").close()
     before = {each.name: each.read_bytes() for each in (root / "lab").iterdir()}
 
@@ -197,9 +183,7 @@ def test_other_logs_are_no_place_to_save_in(server: DoorServer, root: Path) -> N
 
 
 def test_the_log_itself_is_no_place_to_save_in(path: Path) -> None:
-    """
-    Where the root holds the log, its folder is refused.
-    """
+    """Where the root holds the log, its folder is refused."""
     server = door_server(path, path.parent)
 
     outcome = server.run(goal_of("SaveDoorDB", "s", file_name="log/metadata.yaml"))
@@ -210,9 +194,7 @@ def test_the_log_itself_is_no_place_to_save_in(path: Path) -> None:
 
 
 def test_a_door_without_probabilities_is_saved_without_them(path: Path, root: Path) -> None:
-    """
-    The text names the door and what it lacks; with a default its line is there.
-    """
+    """The text names the door and what it lacks; with a default its line is there."""
     goal = goal_of("AddDoor", "a", **DOOR | {"prob_open": math.nan})
     with_default = door_server(path, root, default_prob=0.5)
     with_default.run(goal)

@@ -51,10 +51,7 @@ COSTS = CostmapOptions(by="belief", door_inflate_m=0.4, scaling=3.0)
 
 
 def test_what_doors_cost_can_be_chosen(furnished: sl.DoorLogWriter) -> None:
-    """
-    By P(open), and with costs around doors that may close: at the start and after each change the
-    grid is the costmap of `semmap-log costmap` with the same options, as costmap_2d publishes it.
-    """
+    """By P(open), and with costs around doors that may close."""
     node = CollectingNode()
     served = _served(node, furnished, options=COSTS)
 
@@ -119,9 +116,7 @@ def furnished(log: sl.DoorLogWriter) -> sl.DoorLogWriter:
 def test_a_static_layer_reads_the_costmap_that_we_mean(
     furnished: sl.DoorLogWriter, trinary: bool
 ) -> None:
-    """
-    In place of /map: every cell, also with the scale of costs between.
-    """
+    """In place of /map: every cell, also with the scale of costs between."""
     node = CollectingNode()
 
     _served(node, furnished)
@@ -156,9 +151,7 @@ def test_the_doors_alone_close_what_another_map_leaves_open(
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_changes_come_as_updates_and_as_whole_grids(log: sl.DoorLogWriter, version: int) -> None:
-    """
-    A reader of updates alone, and one of grids alone, see the same after each change.
-    """
+    """A reader of updates alone, and one of grids alone, see the same after each change."""
     node = CollectingNode(version)
     log.append([_floor()])
     served = _served(node, log)
@@ -184,9 +177,7 @@ def test_changes_come_as_updates_and_as_whole_grids(log: sl.DoorLogWriter, versi
 
 
 def test_without_a_floor_the_grid_grows_with_the_doors(log: sl.DoorLogWriter) -> None:
-    """
-    No door is left out because it came later; before the first there is nothing to send.
-    """
+    """No door is left out because it came later; before the first there is nothing to send."""
     node = CollectingNode()
     warnings: list[str] = []
     served = _served(node, log, warn=warnings.append)
@@ -211,10 +202,7 @@ def test_without_a_floor_the_grid_grows_with_the_doors(log: sl.DoorLogWriter) ->
 def test_a_door_far_away_does_not_fill_the_memory(
     log: sl.DoorLogWriter, x: float, width: float
 ) -> None:
-    """
-    Anybody can add one: the level keeps its grid, where the other doors go on to open and close; a
-    warning says what to do, once. When it is gone, the grid grows as the others need it.
-    """
+    """Anybody can add one: the level keeps its grid."""
     node = CollectingNode()
     warnings: list[str] = []
     log.add_door(x=1.0, y=1.0, theta=0.0, width=1.0, state="closed")
@@ -240,9 +228,7 @@ def test_a_door_far_away_does_not_fill_the_memory(
 def test_after_any_changes_the_grids_are_those_of_the_doors_drawn_at_once(
     log: sl.DoorLogWriter, *, has_floor: bool
 ) -> None:
-    """
-    Doors come, move, change and go, on the map and off it, one or forty at a time.
-    """
+    """Doors come, move, change and go, on the map and off it, one or forty at a time."""
     dice, node = np.random.default_rng(8), CollectingNode()
     if has_floor:
         log.append([_floor()])
@@ -278,9 +264,7 @@ def _change_any_door(log: sl.DoorLogWriter, dice: np.random.Generator) -> None:
 
 
 def test_a_floor_that_is_logged_later_is_drawn(log: sl.DoorLogWriter) -> None:
-    """
-    Instead of the grid around the doors; one that was given by the caller stays.
-    """
+    """Instead of the grid around the doors; one that was given by the caller stays."""
     nodes = [CollectingNode(), CollectingNode()]
     log.add_door(x=1.0, y=1.0, theta=0.0, width=1.0, state="closed")
     given = FloorMap(resolution=0.1, origin_x=0.0, origin_y=0.0, cells=np.zeros((9, 8), np.int8))
@@ -296,9 +280,7 @@ def test_a_floor_that_is_logged_later_is_drawn(log: sl.DoorLogWriter) -> None:
 
 
 def test_a_clock_that_goes_back_stops_no_grid(log: sl.DoorLogWriter) -> None:
-    """
-    A simulation begins again: changes are sent on, with stamps that do not go back.
-    """
+    """A simulation begins again: changes are sent on, with stamps that do not go back."""
     node = CollectingNode()
     log.append([_floor()])
     door = log.add_door(x=1.0, y=1.0, theta=0.0, width=1.0, state="closed")

@@ -34,9 +34,7 @@ def _served(node: CollectingNode, log: sl.DoorLogWriter) -> ServedDoors:
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_a_map_without_doors_is_said_too(log: sl.DoorLogWriter, version: int) -> None:
-    """
-    Who subscribes must learn that there are none, not wait.
-    """
+    """Who subscribes must learn that there are none, not wait."""
     node = CollectingNode(version)
 
     _served(node, log)
@@ -48,9 +46,7 @@ def test_a_map_without_doors_is_said_too(log: sl.DoorLogWriter, version: int) ->
 
 
 def test_each_change_is_said_once_and_whole(log: sl.DoorLogWriter) -> None:
-    """
-    Added, seen, removed; what leaves the message as it was is not said again.
-    """
+    """Added, seen, removed; what leaves the message as it was is not said again."""
     node = CollectingNode()
     served = _served(node, log)
 
@@ -74,9 +70,7 @@ def test_each_change_is_said_once_and_whole(log: sl.DoorLogWriter) -> None:
 
 
 def test_names_are_shown_and_followed(log: sl.DoorLogWriter) -> None:
-    """
-    A name changes the markers, not the thesis's message.
-    """
+    """A name changes the markers, not the thesis's message."""
     node = CollectingNode()
     door = log.add_door(x=1.0, y=2.0, theta=0.5, width=0.9)
     served = _served(node, log)
@@ -90,9 +84,7 @@ def test_names_are_shown_and_followed(log: sl.DoorLogWriter) -> None:
 
 
 def test_levels_have_topics_of_their_own_and_lie_above_each_other(log: sl.DoorLogWriter) -> None:
-    """
-    A level that comes later gets its number; the first keeps its topic, and moves to its height.
-    """
+    """A level that comes later gets its number."""
     node = CollectingNode()
     log.append([LevelAdded(level=1, name="ground", elevation=2.0)])
     log.add_door(x=1.0, y=2.0, theta=0.0, width=1.0, level=1)
@@ -111,9 +103,7 @@ def test_levels_have_topics_of_their_own_and_lie_above_each_other(log: sl.DoorLo
 
 
 def test_a_door_that_goes_while_its_level_is_raised_is_gone(log: sl.DoorLogWriter) -> None:
-    """
-    Changes that come together are shown together: none hides another.
-    """
+    """Changes that come together are shown together: none hides another."""
     node = CollectingNode()
     log.append([LevelAdded(level=1, name="ground", elevation=2.0), LevelAdded(level=2, name="up")])
     doors = [log.add_door(x=1.0, y=2.0, theta=0.0, width=1.0, level=n) for n in (1, 1, 2)]

@@ -80,9 +80,7 @@ def served(kept: Path, tmp_path: Path, request: pytest.FixtureRequest) -> Iterat
 
 
 def test_what_is_left_where_to_stand_and_which_way(served: Served) -> None:
-    """
-    In the map's frame, latched, the next stop first; sent again only when it has changed.
-    """
+    """In the map's frame, latched, the next stop first; sent again only when it has changed."""
     first = served.tell(HALL_POSE, PatrolStarted(patrol=1), at_s=0)
     passed = served.tell(DoorPassed(door_id=LAB, passed=True), at_s=10)
     served.tell(replace(HALL_POSE, x=6.0), at_s=12)
@@ -99,16 +97,12 @@ def test_what_is_left_where_to_stand_and_which_way(served: Served) -> None:
 
 
 def test_a_log_without_rounds_has_one_from_the_start_on(served: Served) -> None:
-    """
-    From its end, and from where the robot was then.
-    """
+    """From its end, and from where the robot was then."""
     assert sorted(served.shown()) == sorted([LAB_POSE, FRONT_POSE])
 
 
 def test_a_round_that_is_over_and_the_next(served: Served) -> None:
-    """
-    An empty array; another start in the log plans anew, with all stops.
-    """
+    """An empty array; another start in the log plans anew, with all stops."""
     served.tell(HALL_POSE, PatrolStarted(patrol=1), at_s=0)
 
     over = served.tell(PatrolFinished(patrol=1), at_s=30)
@@ -122,9 +116,7 @@ def test_a_round_that_is_over_and_the_next(served: Served) -> None:
 
 
 def test_all_visited_is_over_too(served: Served) -> None:
-    """
-    Nobody needs to say so.
-    """
+    """Nobody needs to say so."""
     served.tell(HALL_POSE, PatrolStarted(patrol=1), at_s=0)
     served.tell(DoorPassed(door_id=LAB, passed=True), at_s=10)
 
@@ -132,9 +124,7 @@ def test_all_visited_is_over_too(served: Served) -> None:
 
 
 def test_a_server_that_is_started_again_goes_on(served: Served) -> None:
-    """
-    The round under way is the log's, and what was visited in it stays visited.
-    """
+    """The round under way is the log's, and what was visited in it stays visited."""
     served.tell(HALL_POSE, PatrolStarted(patrol=1), at_s=0)
     left = served.tell(DoorPassed(door_id=LAB, passed=True), at_s=10)
 
@@ -144,9 +134,7 @@ def test_a_server_that_is_started_again_goes_on(served: Served) -> None:
 
 
 def test_a_start_that_is_taken_back(served: Served) -> None:
-    """
-    The round before goes on.
-    """
+    """The round before goes on."""
     served.tell(HALL_POSE, PatrolStarted(patrol=1), at_s=0)
     before = served.tell(DoorPassed(door_id=LAB, passed=True), at_s=10)
     again = served.tell(PatrolStarted(patrol=2), at_s=20)
@@ -159,9 +147,7 @@ def test_a_start_that_is_taken_back(served: Served) -> None:
 
 
 def test_a_log_without_doors_is_tried_again(tmp_path: Path) -> None:
-    """
-    The server says why there is no plan, offers an empty one, and has one once there is a door.
-    """
+    """The server says why there is no plan, offers an empty one."""
     sl.create(tmp_path / "log", tz=TZ).close()
     served = Served(tmp_path / "log", PatrolWish())
 
@@ -174,9 +160,7 @@ def test_a_log_without_doors_is_tried_again(tmp_path: Path) -> None:
 
 
 def test_a_finished_round_is_not_planned(served: Served) -> None:
-    """
-    Nobody is warned that it cannot be.
-    """
+    """Nobody is warned that it cannot be."""
     served.tell(HALL_POSE, PatrolStarted(patrol=1), at_s=0)
     served.tell(PatrolFinished(patrol=1), at_s=30)
     served.wish = PatrolWish(rooms=("99",))
@@ -187,9 +171,7 @@ def test_a_finished_round_is_not_planned(served: Served) -> None:
 
 
 def test_a_room_that_is_not_there(served: Served) -> None:
-    """
-    Is said; the server goes on with the doors.
-    """
+    """Is said; the server goes on with the doors."""
     served.wish = PatrolWish(rooms=("99",))
     served.start()
 

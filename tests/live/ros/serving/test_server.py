@@ -53,9 +53,7 @@ def _running(
 
 
 def test_the_map_is_there_before_the_actions(path: Path) -> None:
-    """
-    Who finds the actions and asks for the map has one; all four are offered by their names.
-    """
+    """Who finds the actions and asks for the map has one; all four are offered by their names."""
     node, wake = CollectingNode(), threading.Event()
 
     with _running(node, doors := _doors(path, wake), wake, ServeOptions(costmap=True)):
@@ -66,9 +64,7 @@ def test_the_map_is_there_before_the_actions(path: Path) -> None:
 
 
 def test_goals_are_followed_by_the_map_that_they_made(path: Path) -> None:
-    """
-    From many threads: no older map follows a newer one, and the last is that of the log.
-    """
+    """From many threads: no older map follows a newer one, and the last is that of the log."""
     node, wake = CollectingNode(), threading.Event()
     doors = _doors(path, wake)
 
@@ -90,9 +86,7 @@ def test_goals_are_followed_by_the_map_that_they_made(path: Path) -> None:
 
 
 def test_a_change_while_the_map_is_shown_is_shown_too(path: Path) -> None:
-    """
-    It comes behind the look at the doors, and before the look is over.
-    """
+    """It comes behind the look at the doors, and before the look is over."""
 
     class Interrupted(DoorServer):
         goals: list[Goal] = []  # noqa: RUF012 - of this test alone
@@ -115,9 +109,7 @@ def test_a_change_while_the_map_is_shown_is_shown_too(path: Path) -> None:
 
 
 def test_doors_that_cannot_be_read_end_the_server(path: Path) -> None:
-    """
-    With the error: not a server that offers an old map for ever.
-    """
+    """With the error: not a server that offers an old map for ever."""
     broken = threading.Event()
 
     class Damaged(DoorServer):

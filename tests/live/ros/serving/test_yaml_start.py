@@ -44,9 +44,7 @@ def _commits(path: Path) -> int:
 
 
 def test_an_empty_log_is_filled_by_one_commit(path: Path, file: Path) -> None:
-    """
-    The doors keep their numbers; the note names the file.
-    """
+    """The doors keep their numbers; the note names the file."""
     with sl.append(path) as log:
         said = start_with_yaml(log, file)
 
@@ -58,9 +56,7 @@ def test_an_empty_log_is_filled_by_one_commit(path: Path, file: Path) -> None:
 
 
 def test_a_log_without_doors_that_had_some_is_not_filled(path: Path, file: Path) -> None:
-    """
-    Somebody has removed them: a restart does not bring others in their place.
-    """
+    """Somebody has removed them: a restart does not bring others in their place."""
     file.write_text(_entry(2))
     with sl.append(path) as log:
         log.remove_door(log.add_door(x=1.0, y=1.0, theta=0.0, width=1.0))
@@ -70,9 +66,7 @@ def test_a_log_without_doors_that_had_some_is_not_filled(path: Path, file: Path)
 
 
 def test_a_file_that_agrees_changes_nothing(filled: Path, file: Path) -> None:
-    """
-    Also where it is written otherwise.
-    """
+    """Also where it is written otherwise."""
     file.write_text(_entry(2, x=5.0) + "# the first\n" + _entry(1))
 
     with sl.append(filled) as log:
@@ -83,9 +77,7 @@ def test_a_file_that_agrees_changes_nothing(filled: Path, file: Path) -> None:
 
 
 def test_a_file_that_differs_stops_the_server(filled: Path, file: Path) -> None:
-    """
-    The message says of each door what the log has and what the file, and what to do.
-    """
+    """The message says of each door what the log has and what the file, and what to do."""
     file.write_text(_entry(1, x=2.5, status="OPEN") + _entry(3))
 
     with sl.append(filled) as log, pytest.raises(CommandError) as raised:
@@ -104,9 +96,7 @@ def test_a_file_that_differs_stops_the_server(filled: Path, file: Path) -> None:
 
 
 def test_replacing_commits_the_difference_at_once(filled: Path, file: Path) -> None:
-    """
-    Added, updated, removed; a door without a place is none of the file's business.
-    """
+    """Added, updated, removed; a door without a place is none of the file's business."""
     with sl.append(filled) as log:
         sensor = log.add_door(name="sensor")
     file.write_text(_entry(1, x=2.5, status="OPEN") + _entry(4))
@@ -126,10 +116,7 @@ def test_replacing_commits_the_difference_at_once(filled: Path, file: Path) -> N
 
 
 def test_replacing_brings_a_removed_door_back(filled: Path, file: Path) -> None:
-    """
-    Under its number, which plans name: its history goes on, and shows the removal, and that it was
-    taken back. As often as it is removed; what differs comes in the same commit.
-    """
+    """Under its number, which plans name: its history goes on, and shows the removal."""
     with sl.append(filled) as log:
         log.observe(2, "open")
         for _ in range(2):
@@ -151,9 +138,7 @@ def test_replacing_brings_a_removed_door_back(filled: Path, file: Path) -> None:
 
 
 def test_a_door_whose_adding_was_taken_back_does_not_come_back(filled: Path, file: Path) -> None:
-    """
-    A retraction cannot be taken back; the message says what can be done.
-    """
+    """A retraction cannot be taken back; the message says what can be done."""
     with sl.append(filled) as log:
         log.retract(1)
 
@@ -163,9 +148,7 @@ def test_a_door_whose_adding_was_taken_back_does_not_come_back(filled: Path, fil
 
 @pytest.mark.parametrize("replaced", [False, True])
 def test_an_unchanged_file_lets_the_log_go_on(filled: Path, file: Path, replaced: bool) -> None:
-    """
-    Doors that changed since the log took the file in are no reason not to start again.
-    """
+    """Doors that changed since the log took the file in are no reason not to start again."""
     with sl.append(filled) as log:
         if replaced:
             file.write_text(_entry(1, x=3.0) + _entry(2))
@@ -184,9 +167,7 @@ def test_an_unchanged_file_lets_the_log_go_on(filled: Path, file: Path, replaced
 
 
 def test_a_file_that_the_server_saved_is_known_too(filled: Path, file: Path) -> None:
-    """
-    SaveDoorDB over the very file that it starts with, and goals behind it.
-    """
+    """SaveDoorDB over the very file that it starts with, and goals behind it."""
     server = DoorServer(lambda: sl.append(filled), DoorSaver(file.parent, filled))
     server.run(goal_of("AddDoor", "a", **DOOR))
     server.run(goal_of("SaveDoorDB", "s", file_name="doors.yaml"))
@@ -199,10 +180,7 @@ def test_a_file_that_the_server_saved_is_known_too(filled: Path, file: Path) -> 
 
 
 def test_a_file_saved_with_a_default_is_known_with_the_same(filled: Path, file: Path) -> None:
-    """
-    Doors without probabilities: what stood for them in the file is no difference, and is not taken
-    for known.
-    """
+    """Doors without probabilities: what stood for them in the file is no difference."""
     saver = DoorSaver(file.parent, filled, default_prob=0.5)
     server = DoorServer(lambda: sl.append(filled), saver)
     server.run(goal_of("AddDoor", "a", **DOOR | {"prob_open": math.nan, "prob_closed": math.nan}))
@@ -221,9 +199,7 @@ def test_a_file_saved_with_a_default_is_known_with_the_same(filled: Path, file: 
 
 
 def test_a_yaml_with_0_fills_a_server_whose_goals_reach_it(server: DoorServer, root: Path) -> None:
-    """
-    Saved again, the file is the same, byte for byte.
-    """
+    """Saved again, the file is the same, byte for byte."""
     file = root / "doors.yaml"
     file.write_text(_entry(0) + _entry(1))
     start_with_yaml(server.log, file)
