@@ -276,7 +276,7 @@ def test_an_unsigned_end_is_exit_code_6_and_who_may_adopt_it(log: Path, capsys) 
     code, out, _ = ran(capsys, "verify", "log", "--public-key", "k.pub")
     assert code == 6
     assert out.startswith("log: unsigned end; ")
-    assert "1 event at the end that nobody has signed" in " ".join(out.split())
+    assert "1 event at the end without a signature" in " ".join(out.split())
     allowed = ("verify", "log", "--public-key", "k.pub", "--allow-unsigned-end")
     assert 0 == ran(capsys, *allowed)[0]
     said = json.loads(ran(capsys, "verify", "log", "--public-key", "k.pub", "--json")[1])

@@ -149,7 +149,7 @@ def test_a_reader_that_holds_the_old_manifest_is_told_and_reads_on(
 
     removed_at(bucket)
 
-    with pytest.raises(LogError, match=r"gone|no such|anew"):
+    with pytest.raises(LogError, match=r"gone|no such|reopen"):
         pages_of(opened)
     opened.refresh()
     assert opened.event(3).number == 3

@@ -303,7 +303,7 @@ def _check_is_all_here(log: Path) -> None:
     if part is not None:
         fetch = command_line("fetch", part.url, "DIR")
         raise ElsewhereError(
-            f"{log}: {counted(len(part.files), 'segment')} of it are only at {part.url}; fetch "
+            f"{log}: {counted(len(part.files), 'segment')} of it lie at {part.url} only; fetch "
             f"the log ({fetch}), copy the later .mcap files of this folder into it, and "
             "recover that."
         )
