@@ -279,7 +279,7 @@ def test_a_machine_is_told_too_that_nothing_was_known_then(
 
     error = json.loads(capsys.readouterr().out)["error"]
     assert "UnknownDoorError" == error["kind"]
-    assert "nothing before 2026-03-0" in error["message"]
+    assert "before 2026-03-0" in error["message"]
 
 
 def test_a_door_of_which_nothing_was_told_later_is_not_said_to_be_one(

@@ -187,7 +187,7 @@ def test_scans_while_transforms_stay_away_are_dropped() -> None:
     assert [t for t in times if t < 2.0]
     assert [t for t in times if t > 5.0]
     lines = hearing.complaints.lines()
-    assert any("no place" in line and "odom -> base_link" in line for line in lines)
+    assert any("without a TF position" in line and "odom -> base_link" in line for line in lines)
 
 
 def test_a_robot_that_stood_is_where_it_stood() -> None:

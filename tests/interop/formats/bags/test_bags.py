@@ -83,7 +83,7 @@ def test_a_folder_is_never_replaced(tmp_path: Path) -> None:
 def test_a_name_that_tells_no_bag_is_refused(tmp_path: Path) -> None:
     """The message lists the names that do."""
     with (
-        pytest.raises(FormatError, match=r"known: \.mcap, \.bag \(ROS 1\)"),
+        pytest.raises(FormatError, match=r"one of: \.mcap, \.bag \(ROS 1\)"),
         new_bag(tmp_path / "x.zip", [GRIDS]),
     ):
         pass
