@@ -62,7 +62,7 @@ def check(copy: Path, acknowledged: int) -> list[Any]:
 
 @pytest.mark.skipif(shutil.which("cp") is None, reason="there is no cp")
 @pytest.mark.parametrize(
-    "copies", [12, pytest.param(500, marks=pytest.mark.slow)], ids=["some", "many"]
+    "copies", [12, pytest.param(120, marks=pytest.mark.slow)], ids=["some", "many"]
 )
 def test_a_copy_taken_at_any_moment_is_a_log(tmp_path: Path, copies: int) -> None:
     """The first events of the log, whole; what was acknowledged before is among them."""

@@ -89,7 +89,7 @@ def _moments(log: sl.DoorLog, dice: random.Random) -> Iterator[tuple[Any, Any]]:
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32))
 def test_applied_to_the_first_state_it_gives_the_second(seed: int) -> None:
     """In every field of every door and level, in the moment that the map is of, and in JSON."""

@@ -78,7 +78,7 @@ def starts_of() -> Iterator[list[ChunkPlace]]:
 
 
 @pytest.mark.slow
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(0, 2**32))
 def test_the_answer_is_the_same_without_keyframes(seed: int) -> None:
     """At any event number, happened time and both, as written, rechunked and merged."""
@@ -106,7 +106,7 @@ def test_the_answer_is_the_same_without_keyframes(seed: int) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(0, 2**32))
 def test_with_many_keyframes_every_moment_is_what_the_model_says(seed: int) -> None:
     """Late events, equal stamps, retractions, borders of segments: against dictionaries."""

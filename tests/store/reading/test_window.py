@@ -27,7 +27,7 @@ from tests.test_replay import random_log
 
 
 @pytest.mark.slow
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32))
 def test_a_part_of_the_log_is_what_all_of_it_would_give(seed: int) -> None:
     """Ranges of happened and recorded time and of numbers, kinds and doors, in any mixture."""
