@@ -17,6 +17,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli.verb_table import FIRST_WEEK, SHOWN
+from tests.golden_text import GoldenText
 from tests.live.ros.running import DEADLINE_S
 from tests.verbs import Refuses, Verb, run
 from tests.views.rerun.some_logs import small_log
@@ -339,6 +340,16 @@ def test_patrol_rounds_are_numbered(run_here) -> None:
     ]
 
     assert [1, 1, 2, 2] == numbers
+
+
+def test_the_same_file_again_changes_nothing(run_here: Verb, golden: GoldenText) -> None:
+    """A file's digest is its command id."""
+    Path("a.yaml").write_text("5: {position: {x: 1, y: 2, theta: 0}, width: 1, status: OPEN}\n")
+
+    found = [run_here("import", "office", "a.yaml", "--json").json[0] for _ in range(2)]
+
+    assert [(1, False), (0, True)] == [(each["count"], each["known_before"]) for each in found]
+    golden("import", "the same file again", run_here("import", "office", "a.yaml").out)
 
 
 def _start(*arguments: object, **more: Any) -> subprocess.Popen[str]:

@@ -51,6 +51,7 @@ WRITTEN = {
     "costmap over time": ["costmap", "LOG", "OUT.mcap"],
     "query": ["sql", "LOG", "select * from doors", "--out", "OUT.parquet"],
     "copy": ["copy", "LOG", "OUT"],
+    "doors": ["export", "LOG", "OUT.yaml", "--default-prob", "0.5"],
     "pseudonymous": ["export", "LOG", "OUT.parquet", "--pseudonymous"],
     **{name: ["export", "LOG", f"OUT{name}"] for name in
        (".csv", ".geojson", ".html", ".jsonl", ".mcap", ".bag", ".parquet", ".pddl", "")},

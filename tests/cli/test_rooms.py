@@ -13,7 +13,8 @@ import yaml
 import semmap_log as sl
 from semmap_log.core.model.events import FloorMap, LevelAdded
 from tests.analysis.rooms.buildings import drawn
-from tests.verbs import Refuses, run
+from tests.golden_text import GoldenText
+from tests.verbs import Refuses, Verb, run
 
 SECOND = 10**9
 FLOOR = drawn(
@@ -56,35 +57,16 @@ def office(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_the_table_has_a_row_for_each_room(
-    office: Path, capsys: pytest.CaptureFixture[str]
+def test_a_row_for_each_room_and_what_is_odd_below(
+    office: Path, run_verb: Verb, golden: GoldenText
 ) -> None:
-    """Tabs between, where no terminal is: number, level, name, floor, doors, where they lead."""
-    assert 0 == run("rooms", "office")
-
-    lines = capsys.readouterr().out.splitlines()
-    assert "room\tlevel\tname\tarea\tcount\tdoors\tleads_to" == lines[0]
-    assert [
-        ["1", "ground", "lab", "9.4", "1", "front", "hall"],
-        ["2", "ground", "hall", "12.4", "1", "front", "lab"],
-        ["3", "first", "a", "9.4", "1", "lift_door", "room 4"],
-        ["4", "first", "", "12.5", "1", "lift_door", "a"],
-    ] == [line.split("\t") for line in lines[1:]]
-
-
-def test_what_is_odd_is_said_below_it(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Loops, doors without a room, doors in no wall, lifts, levels without a plan."""
-    assert 0 == run("rooms", "office")
+    code, out, err = run_verb("rooms", "office")
 
-    said = capsys.readouterr().err
-    assert "4 rooms, 4 doors: 2 join two rooms" in said
-    assert "the same room on both sides of 1 door" in said
-    assert "gate (hall)" in said
-    assert "no room found on a side of 1 door: far" in said
-    assert "2 doors in no wall, which cannot part rooms: gate, far" in said
-    assert "lift a: lift_door" in said
-    assert "level first: rooms have 22 of 56 m² of known floor" in said
-    assert "level 3 (attic); to give one: semmap-log import LOG map.yaml --level LEVEL" in said
+    assert 0 == code
+    assert [7] * 5 == [len(line.split("\t")) for line in out.splitlines()]
+    golden("rooms", "two levels", out)
+    golden("rooms", "two levels: notes", err)
 
 
 def test_only_a_level(office: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from tests.verbs import run
+from tests.golden_text import GoldenText
+from tests.verbs import Verb, run
 
 pytestmark = pytest.mark.usefixtures("terminal")
 
@@ -25,17 +26,13 @@ def office(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_the_table_fits_a_terminal(office: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_fits_a_terminal(office: Path, run_verb: Verb, golden: GoldenText) -> None:
     """80 columns, in the log's zone, with the shares at the end."""
-    code = run("timeline", "office", "front", "--at", "2026-03-01T13:00")
+    code, out, _ = run_verb("timeline", "office", "front", "--at", "2026-03-01T13:00")
 
-    out = capsys.readouterr().out
     assert 0 == code
-    assert "2026-03-01 09:00:00 2026-03-01 10:00:00         1 h OPEN        2" in out
-    assert "open 40.0%, closed 60.0% of the 2 h 30 min in which that was known (50.0%)" in out
-    assert "not seen for 1 h 30 min (30.0%), not since 2026-03-01 11:30:00+01:00" in out
-    assert "a sighting holds for 1 h 30 min (3 median gaps between looks)" in out
     assert max(map(len, out.splitlines())) <= 80
+    golden("timeline", "a morning", out)
 
 
 def test_a_range_cuts_it(office: Path, capsys: pytest.CaptureFixture[str]) -> None:

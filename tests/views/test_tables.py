@@ -28,6 +28,7 @@ from semmap_log.views.tables import (
     summary_table,
 )
 from tests.conftest import SteadyClock
+from tests.golden_text import GoldenText
 from tests.views.rerun.some_logs import SECOND, START, restless_log, small_log
 
 NOW_NS = START + 7200 * SECOND
@@ -42,31 +43,21 @@ def printed(*tables: RenderableType, width: int = 80) -> str:
     return "\n".join(line.rstrip() for line in out.getvalue().splitlines())
 
 
-def test_the_door_table(tmp_path: Path) -> None:
+def test_the_door_table(tmp_path: Path, golden: GoldenText) -> None:
     """Ids ascending, three decimals, a dash for what is not known, the age of each state."""
     log = small_log(tmp_path / "log")
 
-    text = printed(door_table(log.replay(at=START + 900 * SECOND), tz="UTC"))
-
-    assert (
-        """\
-                                           P of   P of
-id name       x     y theta width state    open closed    age
- 1 front -1.000 0.000 0.000 1.000 OPEN    0.500  0.750  3 min
- 2 -      2.000 1.000 1.571 0.800 UNKNOWN     -      - 14 min
-2 doors, at 2026-03-01 21:35:00+00:00, up to event 16"""
-        == text
-    )
+    golden("replay", "doors", printed(door_table(log.replay(at=START + 900 * SECOND), tz="UTC")))
 
 
-def test_columns_that_no_door_fills_are_left_out(tmp_path: Path) -> None:
+def test_columns_that_no_door_fills_are_left_out(tmp_path: Path, golden: GoldenText) -> None:
     """Sensors without a place and without names have a state, and how old it is."""
     with sl.create(tmp_path / "log", tz="UTC", clock=SteadyClock(START)) as log:
         log.append([DoorAdded(door_id=DoorId(7), state=DoorState.OFFLINE)])
 
     text = printed(door_table(sl.read(tmp_path / "log").replay(), tz="UTC"))
 
-    assert "id state   age\n 7 OFFLINE 0 s\n1 door, up to event 0" == text
+    golden("replay", "a sensor without a place", text)
 
 
 def test_a_long_name_goes_on_in_the_next_line(tmp_path: Path) -> None:
@@ -103,7 +94,7 @@ def test_an_age_that_nobody_knows_is_a_dash() -> None:
     assert "-" == age(None, NOW_NS)
 
 
-def test_the_history_table(tmp_path: Path) -> None:
+def test_the_history_table(tmp_path: Path, golden: GoldenText) -> None:
     """Number, local time, door, what, who and why; late events and undone ones say so."""
     clock = SteadyClock(START)
     with sl.create(tmp_path / "log", tz="Europe/Vienna", clock=clock) as log:
@@ -120,17 +111,7 @@ def test_the_history_table(tmp_path: Path) -> None:
     names = {DoorId(1): "a \x1b[2J"}
     text = printed(history_table(opened.history(), tz=opened.info.timezone, names=names))
 
-    assert (
-        """\
- event happened   door             what                       who: why
-     0 2026-03-01 a \\x1b[2J        added without a place,     survey: first plan
-       22:20:00                    UNKNOWN
-     1 20:20:00   a \\x1b[2J        seen OPEN (90%) (told 2 h
-                                   later) (retracted by event
-                                   2)
-     2 22:20:00   -                event 1 retracted          anna"""
-        == text
-    )
+    golden("history", "late and taken back", text)
 
 
 def test_a_history_tells_apart_what_the_clocks_show_twice(tmp_path: Path) -> None:
@@ -161,31 +142,13 @@ def test_pages_of_a_long_history_line_up(tmp_path: Path) -> None:
     assert 1 == printed(*pages).count("who: why")
 
 
-def test_the_diff_table(tmp_path: Path) -> None:
+def test_the_diff_table(tmp_path: Path, golden: GoldenText) -> None:
     """Doors added, removed, and each field that is another; then the events, without poses."""
     log = small_log(tmp_path / "log")
 
-    text = printed(diff_table(log.diff(START + 60 * SECOND, START + 2000 * SECOND), tz="UTC"))
-
-    assert text.startswith("""\
-door    what      before                  after
-2       removed   UNKNOWN at 2.000, 1.000 -
-1 front state     CLOSED                  OPEN
-1 front prob_open 0.250                   0.500
-before: at 2026-03-01 21:21:00+00:00, up to event 3
-after:  at 2026-03-01 21:53:20+00:00, up to event 19
-""")
-    assert "robot" not in text
-    assert "removed from the map       anna: a wall now" in text
-
-
-def test_no_difference_is_said(tmp_path: Path) -> None:
-    """An empty table would leave one guessing."""
-    log = small_log(tmp_path / "log")
-
-    text = printed(diff_table(log.diff(START + 60 * SECOND, START + 61 * SECOND), tz="UTC"))
-
-    assert text.startswith("No door is different.\nbefore: at 2026-03-01 21:21:00+00:00")
+    for case, seconds in (("of some minutes", 2000), ("no difference", 61)):
+        found = log.diff(START + 60 * SECOND, START + seconds * SECOND)
+        golden("diff", case, printed(diff_table(found, tz="UTC")))
 
 
 def test_one_event_with_all_that_is_known(tmp_path: Path) -> None:
@@ -224,7 +187,7 @@ def test_colours_are_for_terminals(tmp_path: Path) -> None:
     assert "\x1b" not in printed(table)
 
 
-def test_history_shows_what_was_before(tmp_path: Path) -> None:
+def test_history_shows_what_was_before(tmp_path: Path, golden: GoldenText) -> None:
     """One field: its value; several: each with its name; nothing where nothing was, or changed."""
     with sl.create(tmp_path / "log", tz="UTC") as log:
         door = log.add_door(x=0, y=0, theta=0, width=0.9, state="closed")
@@ -236,13 +199,6 @@ def test_history_shows_what_was_before(tmp_path: Path) -> None:
 
     text = printed(history_table(sl.read(tmp_path / "log").history(door), tz="UTC"), width=200)
 
-    said = [
-        "added, CLOSED",
-        "seen CLOSED",
-        "seen OPEN, was CLOSED",
-        "width 0.80 m, was 0.90",
-        "set to CLOSED, P(open) 0.25, was OPEN",
-        "set to OPEN, P(open) 0.50; was: state CLOSED, prob_open 0.25",
-    ]
     rows = [line for line in text.splitlines() if " 1  " in line]
-    assert said == [re.sub(r".* 1 {2,}", "", line).strip() for line in rows]
+    what = [re.sub(r".* 1 {2,}", "", line).strip() for line in rows]
+    golden("history", "what was before", "\n".join(what))

@@ -360,6 +360,7 @@ def test_two_hundred_clients(ask: Asker, server: AskServer) -> None:
     for each in clients:
         each.close()
     wait_until(lambda: not server._connections, "all are gone")
+    assert 2 == len(server._selector.get_map())
     assert 101 == len(list(ask.doors.log.commits())) - before + ask("DOOR_OPEN DOOR_9").count("T")
 
 
