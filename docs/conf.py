@@ -50,7 +50,7 @@ nitpick_ignore_regex = [
     ),
     # The same, where a program loads them only when it needs them.
     (r"py:class", r"(CommitFinder|Diff|EarlyEvents|FollowedCommit|HistoryEntry|LikelyHours)"),
-    (r"py:class", r"(LiveState|LogPart|SaidFinder|Scope|SensorDoubt|State|Timeline|WeekMask)"),
+    (r"py:class", r"(LiveState|LogPart|NoteFinder|Scope|SensorDoubt|State|Timeline|WeekMask)"),
 ]
 
 default_role = "literal"

@@ -17,7 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from semmap_log.core.io.made_logs import register_maker
+from semmap_log.core.io.virtual_logs import register_maker
 from semmap_log.core.late_answers import register_answers
 from semmap_log.core.lazily import lazy_names
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from semmap_log.analysis.sql.sql_query import sql
     from semmap_log.core.batches.event_batch import EventBatch
     from semmap_log.core.folds.projection import Projection
-    from semmap_log.core.io.made_logs import MadeLog
+    from semmap_log.core.io.virtual_logs import VirtualLog
     from semmap_log.core.model.commits import Note
     from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState, Geometry, ObjectClass
     from semmap_log.errors import SemmapError
@@ -93,8 +93,8 @@ def __getattr__(name: str) -> Any:
     return _load(name)
 
 
-def _joined(path: Path) -> MadeLog:
-    made: MadeLog = import_module("semmap_log.fleet.join.joining_logs").view_of_file(path)
+def _joined(path: Path) -> VirtualLog:
+    made: VirtualLog = import_module("semmap_log.fleet.join.joining_logs").view_of_file(path)
     return made
 
 

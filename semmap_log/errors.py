@@ -54,7 +54,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path, PurePath
 
-from semmap_log.core.texts import MOST_TOLD, Repeats
+from semmap_log.core.texts import MOST_LISTED, Repeats
 
 
 class SemmapError(Exception):
@@ -226,7 +226,7 @@ class FormatError(SemmapError, ValueError):
         for kind in self.repeats:
             if len(lines) >= MOST_PROBLEMS_SHOWN:
                 break
-            lines += [*self._placed(kind.kept[:MOST_TOLD]), *kind.rest()]
+            lines += [*self._placed(kind.kept[:MOST_LISTED]), *kind.rest()]
             told += kind.count
         if told < self.repeats.count:
             lines.append(f"… and {self.repeats.count - told:,} more problems in {self.path}")

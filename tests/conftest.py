@@ -117,5 +117,5 @@ def node_packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let tables be drawn, 80 columns wide and without colours, as people see them."""
-    monkeypatch.setattr("semmap_log.cli.plain_streams.is_for_people", lambda: True)
+    monkeypatch.setattr("semmap_log.cli.sanitized_streams.is_for_people", lambda: True)
     monkeypatch.setenv("COLUMNS", "80")

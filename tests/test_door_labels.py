@@ -43,7 +43,7 @@ def test_a_name_that_several_bear_has_its_level_before_it(tmp_path: Path) -> Non
     assert {
         1: "L1/front", 2: "L2/front", 3: "side", 5: "L1/back (id 5)", 6: "L1/back (id 6)",
     } == labels  # fmt: skip
-    assert [1, 2] == [log.resolve_ever(labels[DoorId(n)]) for n in (1, 2)]
+    assert [1, 2] == [log.resolve_any_door(labels[DoorId(n)]) for n in (1, 2)]
 
 
 def test_a_log_names_removed_doors_too(tmp_path: Path) -> None:

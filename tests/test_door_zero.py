@@ -20,10 +20,10 @@ from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorEvent, PatrolStarted, RobotPose
 from semmap_log.errors import UnknownDoorError
 from semmap_log.interop.topics.topic_reader import Known
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.store.compaction.compacting import compact
 from semmap_log.views.excerpt.span import Excerpt
-from semmap_log.views.rerun.taken_back import taken_back
+from semmap_log.views.rerun.shown_retractions import taken_back
 
 ZERO, TWIN = DoorId(0), DoorId(7)
 

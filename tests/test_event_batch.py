@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from semmap_log.core.batches.columnar_events import check_rows, event_of_row
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.batches.taken_columns import check_rows, event_of_row
 from semmap_log.core.messages import OBJECT_KINDS, fixed_layout
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import (

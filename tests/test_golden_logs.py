@@ -20,7 +20,7 @@ from make_golden import in_log, main, said
 
 import semmap_log as sl
 from semmap_log.live.oprs.oprs_package import MADE
-from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION
+from semmap_log.store.byte_layout import FORMAT_MINOR, FORMAT_VERSION
 from semmap_log.store.reading.segment_scan import open_segment
 from tests.store.logs import segment_files
 

@@ -14,7 +14,7 @@ from batch_columns import MODULE, written
 
 import semmap_log as sl
 from semmap_log.analysis.planning.round_planner import patrol_plan
-from semmap_log.core.batches.taken_columns import MadeOfColumns
+from semmap_log.core.batches.columnar_events import ColumnConstructor
 from semmap_log.core.messages import OBJECT_KINDS
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.events import KINDS, DoorObserved, DoorPassed, defaults_of, field_names
@@ -74,7 +74,7 @@ def test_events_refuse_what_they_do_not_know(kind: type[Any]) -> None:
 
 
 TAKE_ANY = {
-    "semmap_log.core.batches.taken_columns.of": "asks the kind for its fields",
+    "semmap_log.core.batches.columnar_events.of": "asks the kind for its fields",
     "semmap_log.views.plots.figures.new_figure": "matplotlib's own, which refuses others",
     "semmap_log.interop.formats.ros.ros_types.new": "a message's fields, which its class knows",
     "semmap_log.core.arrow.scanned_table.scanner": "DuckDB's own, which says more than is wanted",
@@ -111,7 +111,7 @@ def test_the_columns_spelt_out_are_the_fields_of_the_events() -> None:
     python tools/batch_columns.py.
     """
     assert written() == MODULE.read_text(encoding="utf-8")
-    source = ast.parse(Path(inspect.getfile(MadeOfColumns)).read_text())
+    source = ast.parse(Path(inspect.getfile(ColumnConstructor)).read_text())
     spelt: dict[str, dict[str, bool]] = {}
     for node in ast.walk(source):
         if isinstance(node, ast.FunctionDef) and node.name == "of" and node.args.kwarg is None:

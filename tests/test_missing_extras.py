@@ -9,7 +9,7 @@ NEED_AN_EXTRA = {
     "semmap_log.analysis.sql",
     "semmap_log.core.arrow",
     "semmap_log.fleet.jobs",
-    "semmap_log.log.door_log.asked_tables",
+    "semmap_log.log.door_log.arrow_tables",
     "semmap_log.log.signing",
     "semmap_log.views.fleet_tables",
     "semmap_log.views.plots",

@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 import semmap_log
-from semmap_log.store.form import KINDS_OF_MINOR
+from semmap_log.store.byte_layout import KINDS_OF_MINOR
 from tests.newer.program import edit, run
 
 MOST_FILES = 5
@@ -154,7 +154,7 @@ def test_a_kind_that_sets_the_state_is_told_in_five_files(tmp_path: Path) -> Non
         ("    | UnknownEvent\n)", "    | DoorTouched\n    | UnknownEvent\n)"),
     )
     counts = (*KINDS_OF_MINOR, KINDS_OF_MINOR[-1] + 1)
-    program.edit("store/form.py", (f"_MINOR = {KINDS_OF_MINOR}", f"_MINOR = {counts}"))
+    program.edit("store/byte_layout.py", (f"_MINOR = {KINDS_OF_MINOR}", f"_MINOR = {counts}"))
     program.edit(
         "views/event_words.py",
         ("    DoorUpdated,\n", "    DoorTouched,\n    DoorUpdated,\n"),

@@ -18,7 +18,7 @@ from semmap_log.core.model.doors import Door
 from semmap_log.core.model.events import FloorMap, LevelAdded, RobotPose
 from semmap_log.errors import CommandError, CommandReusedError, UnknownDoorError
 from semmap_log.log.door_log.rebasing import MeasuredDoor
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from tests.conftest import SteadyClock
 from tests.store.logs import segment_files
 from tests.turned_maps import MOVED_AT, OFFICE, office_mapped_anew, turned

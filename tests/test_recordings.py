@@ -16,7 +16,7 @@ import semmap_log as sl
 from semmap_log.core.model.doors import Door
 from semmap_log.core.model.events import KINDS, DoorObserved, RobotPose
 from semmap_log.core.model.moments import format_utc
-from semmap_log.store.form import KINDS_OF_MINOR
+from semmap_log.store.byte_layout import KINDS_OF_MINOR
 
 ROOT = Path(__file__).resolve().parent.parent
 RECORDINGS = ROOT / "recordings"

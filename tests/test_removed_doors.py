@@ -70,7 +70,7 @@ def test_who_asks_about_it_is_told_how_to_ask_about_the_time_before(
             ask()
 
     (belief,) = probabilities(read, at="event:1", doors=[door])
-    assert (1, 1) == (belief.door.door_id, read.resolve_ever(door))
+    assert (1, 1) == (belief.door.door_id, read.resolve_any_door(door))
 
 
 def test_a_name_of_two_removed_doors_asks_which(log: sl.DoorLogWriter) -> None:
@@ -79,7 +79,7 @@ def test_a_name_of_two_removed_doors_asks_which(log: sl.DoorLogWriter) -> None:
     log.remove_door("front")
     said = "'front' is the name of 2 doors that were removed; say which by id:1 or id:3"
 
-    for ask in (lambda: log.observe("front", "open"), lambda: log.resolve_ever("front")):
+    for ask in (lambda: log.observe("front", "open"), lambda: log.resolve_any_door("front")):
         with pytest.raises(UnknownDoorError, match=said):
             ask()
     assert [5, 6, 7] == [entry.number for entry in log.history("id:3")]
@@ -91,7 +91,7 @@ def test_a_door_that_is_there_comes_before_those_that_bore_its_name(log: sl.Door
     """Removed doors are looked for last."""
     again = log.add_door(name="front")
 
-    assert again == log.resolve("front") == log.resolve_ever("front")
+    assert again == log.resolve("front") == log.resolve_any_door("front")
 
 
 def test_what_a_number_with_two_meanings_asks_for_can_be_written(log: sl.DoorLogWriter) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.core.texts import MOST_KEPT, Repeats, told_once
+from semmap_log.core.texts import MOST_KEPT, Repeats, deduplicated
 from semmap_log.errors import FormatError
 from semmap_log.interop.formats.parsing.problems import MOST_KINDS, Problems
 
@@ -80,7 +80,7 @@ def test_reading_ends_where_there_are_too_many_kinds() -> None:
 
 def test_what_is_left_out_is_told_once() -> None:
     """Without lines there is none to name."""
-    told = list(told_once([*(f"door 'd{n}': no window" for n in range(500)), "lifts: 2"]))
+    told = list(deduplicated([*(f"door 'd{n}': no window" for n in range(500)), "lifts: 2"]))
 
     assert [
         "door 'd0': no window", "door 'd1': no window", "door 'd2': no window",

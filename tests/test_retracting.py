@@ -84,9 +84,9 @@ def test_a_door_whose_adding_is_taken_back_is_gone_for_good(log: sl.DoorLogWrite
     log.close()
     with sl.append(log.path) as again:
         assert 3 == again.add_door()
-        assert 1 == again.resolve_ever(1)
+        assert 1 == again.resolve_any_door(1)
         with pytest.raises(UnknownDoorError):
-            again.resolve_ever(9)
+            again.resolve_any_door(9)
         assert [0, 1, 2, 3, 4] == [entry.number for entry in again.history(DoorId(1))]
 
 
@@ -94,7 +94,7 @@ def test_a_name_that_was_taken_back_leads_to_its_history(log: sl.DoorLogWriter) 
     """The door and its name were in one commit, and are gone together."""
     log.retract(0, 1)
 
-    assert 1 == sl.read(log.path).resolve_ever("front")
+    assert 1 == sl.read(log.path).resolve_any_door("front")
 
 
 def test_a_removal_taken_back_brings_the_door_back(log: sl.DoorLogWriter) -> None:

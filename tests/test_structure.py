@@ -27,7 +27,7 @@ INSIDE: dict[str, list[set[str]]] = {
     "core": [{"lazily", "late_answers", "loops"}, {"texts", "users_line"}, {"errors"}, {"io"},
              {"model"}, {"events"},
              {"messages"}, {"arrow"}, {"batches"}, {"folds"}],
-    "store": [{"reading"}, {"compaction"}, {"trimming"}, {"writing"}, {"salvage"}, {"copying"}],
+    "store": [{"reading"}, {"compaction"}, {"trimming"}, {"writing"}, {"repairing"}, {"copying"}],
     "log": [{"replay"}, {"door_log"}, {"trimming"}, {"rewriting"}, {"signing"}],
     "analysis": [{"costmap_2d", "probabilities"}, {"costmaps", "beliefs", "scans", "rooms"},
                  {"sql", "planning"}],
@@ -133,7 +133,7 @@ def test_imports_point_toward_the_nouns() -> None:
 
 MUST_NOT_USE = {
     "store": ["core.folds"],
-    "store.verification": ["store." + part for part in ("reading", "writing", "salvage")],
+    "store.verification": ["store." + part for part in ("reading", "writing", "repairing")],
     "analysis.costmap_2d": ["store", "log"],
     "analysis.probabilities": ["store", "log"],
     **{f"views.{one}": [f"views.{other}" for other in ("plots", "report", "rerun") if one != other]

@@ -1,4 +1,4 @@
-"""Writes what `EventBatch.of` takes into batches/taken_columns.py, from the table of events.
+"""Writes what `EventBatch.of` takes into batches/columnar_events.py, from the table of events.
 
 python tools/batch_columns.py
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from semmap_log.core.messages import OBJECT_KINDS
 from semmap_log.core.model.events import KINDS, Event, defaults_of, field_names
 
-MODULE = Path(__file__).parents[1] / "semmap_log" / "core" / "batches" / "taken_columns.py"
+MODULE = Path(__file__).parents[1] / "semmap_log" / "core" / "batches" / "columnar_events.py"
 IMPORT, END_OF_IMPORT = "from semmap_log.core.model.events import (\n", ")\n"
 FIRST, END = "    @overload\n", "    @classmethod\n    def of(\n        cls, kind: type[Event], *,"
 

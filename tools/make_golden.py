@@ -38,7 +38,7 @@ from semmap_log.core.model.events import (
     RobotPose,
     SightingsThinned,
 )
-from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION, LOCK_NAME
+from semmap_log.store.byte_layout import FORMAT_MINOR, FORMAT_VERSION, LOCK_NAME
 
 GOLDEN = Path(__file__).parents[1] / "tests" / "golden"
 DAY_NS = 1_772_323_200 * 10**9

@@ -39,13 +39,13 @@ class _CtrlC(KeyboardInterrupt):
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a verb and leave with its exit code: 0 good, 1 our error, 2 usage."""
-    from semmap_log.cli.plain_streams import READER_GONE, forget_output, plain_streams
     from semmap_log.cli.ros import split_ros_args
+    from semmap_log.cli.sanitized_streams import READER_GONE, forget_output, sanitized_streams
 
-    _mend_streams()
+    _repair_streams()
     warnings.showwarning = _show_warning
     ours, ros_args = split_ros_args(sys.argv[1:] if arguments is None else arguments)
-    with plain_streams():
+    with sanitized_streams():
         try:
             code = _code_of(ours, ros_args, is_whole_program=arguments is None)
             sys.stdout.flush()
@@ -64,7 +64,7 @@ def _code_of(ours: list[str], ros_args: list[str], *, is_whole_program: bool) ->
         OSError: No error can be printed: the reader of our output has gone.
     """
     from semmap_log.cli.app import app
-    from semmap_log.cli.plain_streams import forget_output
+    from semmap_log.cli.sanitized_streams import forget_output
     from semmap_log.cli.verb import CLICK_ERROR, asks_for_json, fail
     from semmap_log.errors import SemmapError
 
@@ -131,7 +131,7 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     tell(f"warning: {message}")
 
 
-def _mend_streams() -> None:
+def _repair_streams() -> None:
     """Make sure that there are streams, and that they take every character, or byte."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         stream = getattr(sys, name)

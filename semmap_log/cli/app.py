@@ -12,8 +12,8 @@ import typer
 from typer.core import TyperGroup
 
 from semmap_log.cli.completion import Offers
-from semmap_log.cli.plain_streams import READER_GONE, forget_output
 from semmap_log.cli.plain_values import with_plain_readers
+from semmap_log.cli.sanitized_streams import READER_GONE, forget_output
 from semmap_log.cli.verb import CLICK_ERROR, offered
 from semmap_log.cli.verb_table import FIRST_WEEK, GROUPS, SHOWN, VerbsByName
 
@@ -95,7 +95,7 @@ def _verbs_beginning(_: Any, incomplete: str) -> Offers:
 
 
 def _uncoloured(tell: Callable[..., Any], ctx: Any, param: Any, value: Any) -> Any:
-    """Call what typer prints something by, in a colour that `plain_streams` would spell out."""
+    """Call what typer prints something by, in a colour that `sanitized_streams` would spell out."""
     ctx.color = False
     return tell(ctx, param, value)
 

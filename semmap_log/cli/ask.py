@@ -16,19 +16,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli import plain_streams
+from semmap_log.cli import sanitized_streams
 from semmap_log.cli.common import say
-from semmap_log.cli.plain_streams import write_line
+from semmap_log.cli.sanitized_streams import write_line
 from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.live.planners.addresses import Address
     from semmap_log.live.planners.line_protocol.ask_server import AskServer
     from semmap_log.live.planners.line_protocol.tokens import AskClient
-    from semmap_log.live.planners.oracle import AskedDoors, Oracle
+    from semmap_log.live.planners.oracle import Oracle, QueriedDoors
 
 
-ASKED_S = 0.01
+ASK_POLL_S = 0.01
 """How often a log that another process writes is looked at: somebody may wait for a door."""
 
 SWITCH_S = 0.0005
@@ -247,7 +247,7 @@ def _print(answer: str, questions: list[str] | None) -> None:
     """Print an answer; a person gets all that HELP lists on lines of their own."""
     from semmap_log.live.planners.question_lines import split_words
 
-    if questions == ["HELP"] and plain_streams.is_for_people() and answer.startswith("("):
+    if questions == ["HELP"] and sanitized_streams.is_for_people() and answer.startswith("("):
         for line in split_words(answer[1:-1]):
             write_line(line)
     else:
@@ -283,7 +283,7 @@ class Planners:
 
     @contextmanager
     def served(
-        self, log: Path, doors: AskedDoors, changes: list[Callable[[], object]]
+        self, log: Path, doors: QueriedDoors, changes: list[Callable[[], object]]
     ) -> Iterator[Callable[[], Exception | None]]:
         """Answer them while the block runs; yields a function that returns why that ended, or None.
 

@@ -11,7 +11,7 @@ import typer
 from semmap_log.cli.common import (
     say,
 )
-from semmap_log.cli.plain_streams import json_text
+from semmap_log.cli.sanitized_streams import json_text
 from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def check_keep_scans(*, keep_scans: bool, dry_run: bool) -> None:
         raise typer.BadParameter("--dry-run writes nothing", param_hint="--keep-scans")
 
 
-def tell_scan_import(file: Path, found: ScanImport) -> None:
+def print_scan_import(file: Path, found: ScanImport) -> None:
     """Print the events that a bag would bring, those of visits with their notes."""
     from semmap_log.interop.importing.import_plan import ImportPlan
 
@@ -153,7 +153,7 @@ def tell_scan_import(file: Path, found: ScanImport) -> None:
         show_events(visit.commit.events, visit.commit.note)
     seen = sum(len(visit.commit.events) for visit in found.scans.visits)
     count = found.topics.count + found.earlier.count + seen
-    tell_plan(
+    print_plan(
         file,
         ImportPlan((), count, found.summary, found.left_out, found.warnings),
     )
@@ -169,15 +169,15 @@ def show_events(events: Iterable[Event | EventBatch], note: Note | None = None) 
         typer.echo(json_text(event_to_json(event, note=said)))
 
 
-def tell_plan(file: Path, plan: ImportPlan) -> None:
+def print_plan(file: Path, plan: ImportPlan) -> None:
     """Print a plan's events, a JSON line each, and say what else there is to it."""
-    from semmap_log.core.texts import told_once
+    from semmap_log.core.texts import deduplicated
 
     show_events(plan.events)
     say(f"{file}: {counted(plan.count, 'event')}; nothing was written.")
     for text in plan.summary:
         say(f"  {text}")
-    for text in told_once(plan.left_out):
+    for text in deduplicated(plan.left_out):
         say(f"  left out: {text}")
-    for text in told_once(plan.warnings):
+    for text in deduplicated(plan.warnings):
         say(f"  warning: {text}")

@@ -15,10 +15,10 @@ from semmap_log.cli.common import (
     KnownAt,
     LogPath,
     as_happened_line,
+    check_recorded,
     console,
     print_json,
     progress,
-    refuse_untold,
 )
 from semmap_log.cli.probabilities import Estimator, Zone
 
@@ -76,7 +76,9 @@ def run(
         except UnknownDoorError:
             if not as_happened:
                 line = as_happened_line("best-time", log, door)
-                refuse_untold(opened, at, known_at, door=opened.resolve_ever(door), remedy=line)
+                check_recorded(
+                    opened, at, known_at, door=opened.resolve_any_door(door), remedy=line
+                )
             raise
     if as_json:
         print_json(best_time_to_json(found, known_at_ns=opened.known_moment(known_at).ns))

@@ -59,7 +59,7 @@ def run(
     from semmap_log.views.health import calibration_table
 
     opened = read(log)
-    chosen = {opened.resolve_ever(name) for name in door} if door else None
+    chosen = {opened.resolve_any_door(name) for name in door} if door else None
     truths = _truths(opened, truth, windows, opened.info.timezone if tz is None else tz, chosen)
     found = calibrate(opened, truths, source=source)
     names = opened.door_names()
@@ -77,7 +77,7 @@ def _truths(
     from semmap_log.interop.formats.files.door_csv import read_door_csv
 
     told = read_door_csv(file, windows=windows, tz=tz)
-    ids = {name: log.resolve_ever(name) for name in told.doors}
+    ids = {name: log.resolve_any_door(name) for name in told.doors}
     return truths_of_rows(
         {
             name: rows

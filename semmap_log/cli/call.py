@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import AsJson, print_json, refuse_nan, say
+from semmap_log.cli.common import AsJson, check_not_nan, print_json, say
 from semmap_log.cli.door_options import End, Line, Start, Theta, Width, X, Y, line_of
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 
@@ -93,7 +93,7 @@ def add(
     door = _fields(line, state, prob_open, prob_closed)
     if None in (door.x, door.y, door.theta, door.width):
         raise typer.BadParameter("give --x --y --theta --width, or --from and --to")
-    asked = _Asked(context, ros1=ros1, ros2=ros2, server=server, timeout=timeout, as_json=as_json)
+    asked = _Request(context, ros1=ros1, ros2=ros2, server=server, timeout=timeout, as_json=as_json)
     asked.ask("add", lambda client: client.add(door), lambda result: str(result["door_id"]))
 
 
@@ -134,7 +134,7 @@ def update(
     door = _fields(line, state, prob_open, prob_closed)
     if door == DoorFields():
         raise typer.BadParameter("nothing to set: give at least one of the fields (--help)")
-    asked = _Asked(context, ros1=ros1, ros2=ros2, server=server, timeout=timeout, as_json=as_json)
+    asked = _Request(context, ros1=ros1, ros2=ros2, server=server, timeout=timeout, as_json=as_json)
     asked.ask(
         f"update of door {door_id}",
         lambda client: client.update(door_id, door),
@@ -159,7 +159,7 @@ def remove(
     Example:
       semmap-log call remove 3 --ros1
     """
-    asked = _Asked(context, ros1=ros1, ros2=ros2, server=server, timeout=timeout, as_json=as_json)
+    asked = _Request(context, ros1=ros1, ros2=ros2, server=server, timeout=timeout, as_json=as_json)
     asked.ask(
         f"removal of door {door_id}",
         lambda client: client.remove(door_id),
@@ -184,11 +184,11 @@ def save(
     Example:
       semmap-log call save doors.yaml --ros2
     """
-    asked = _Asked(context, ros1=ros1, ros2=ros2, server=server, timeout=timeout, as_json=as_json)
+    asked = _Request(context, ros1=ros1, ros2=ros2, server=server, timeout=timeout, as_json=as_json)
     asked.ask(f"saving {file}", lambda client: client.save(file), lambda _: f"saved as {file}")
 
 
-class _Asked:
+class _Request:
     """Whom to ask, for how long, and how to print what comes."""
 
     def __init__(
@@ -201,7 +201,7 @@ class _Asked:
         timeout: float,
         as_json: bool,
     ) -> None:
-        refuse_nan(timeout=timeout)
+        check_not_nan(timeout=timeout)
         self._context = context
         self._version = chosen_ros(ros1=ros1, ros2=ros2)
         self._server, self._timeout, self._as_json = server, timeout, as_json
@@ -248,7 +248,7 @@ def _fields(
 ) -> DoorFields:
     from semmap_log.live.ros.client import DoorFields
 
-    refuse_nan(x=line.x, y=line.y, theta=line.theta, width=line.width, prob_open=prob_open,
+    check_not_nan(x=line.x, y=line.y, theta=line.theta, width=line.width, prob_open=prob_open,
                prob_closed=prob_closed)  # fmt: skip
     given = None if state is None else _state(state)
     return DoorFields(line.x, line.y, line.theta, line.width, given, prob_open, prob_closed)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.plain_streams import json_text
+from semmap_log.cli.sanitized_streams import json_text
 
 if TYPE_CHECKING:
     from semmap_log.cli.printer import Printer
@@ -155,7 +155,7 @@ def doors_meant(
         CommandError: There is no such class.
     """
     if object_class is None:
-        return [log.resolve_ever(name) for name in doors] if doors else None
+        return [log.resolve_any_door(name) for name in doors] if doors else None
     if doors:
         raise typer.BadParameter("name doors, or a class of them, not both", param_hint="--class")
     return log.ids_of_class(object_class)
@@ -192,7 +192,7 @@ PROGRESS_AFTER_S = 1.0
 """Shorter work needs no bar."""
 
 
-def refuse_nan(**values: float | None) -> None:
+def check_not_nan(**values: float | None) -> None:
     """Refuse a typed `nan`: what is not known is left out.
 
     Raises:
@@ -216,7 +216,7 @@ def say(text: str) -> None:
     typer.echo(text, err=True)
 
 
-def tell_how_to_begin(opened: DoorLog) -> None:
+def print_empty_log_hint(opened: DoorLog) -> None:
     """Say what to do with a log that has no events yet."""
     from semmap_log.views.zone_times import how_to_begin
 
@@ -224,17 +224,17 @@ def tell_how_to_begin(opened: DoorLog) -> None:
         say(hint)
 
 
-def tell_of_later(
+def note_later_events(
     opened: DoorLog, at: str | None, known_at: str | None, *, door: DoorId | None = None
 ) -> None:
     """Note on stderr if events up to a moment were recorded later, as imported ones are."""
-    from semmap_log.log.door_log.known_later import known_later
+    from semmap_log.log.door_log.recorded_later import recorded_later
 
-    if later := known_later(opened, at, known_at, door=door):
+    if later := recorded_later(opened, at, known_at, door=door):
         say(later)
 
 
-def refuse_untold(
+def check_recorded(
     opened: DoorLog,
     at: Time,
     known_at: Time,
@@ -249,15 +249,15 @@ def refuse_untold(
         at: As it was given.
         known_at: As it was given.
         door: Which is not in the map then; None: none is.
-        remedy: What to do: see `known_later`; None: as for a map.
+        remedy: What to do: see `recorded_later`; None: as for a map.
 
     Raises:
         UnknownDoorError: Why no door is in the map then, and what to do.
     """
     from semmap_log.errors import UnknownDoorError
-    from semmap_log.log.door_log.known_later import AT_ALONE, known_later
+    from semmap_log.log.door_log.recorded_later import AT_ALONE, recorded_later
 
-    if later := known_later(opened, at, known_at, door=door, remedy=remedy or AT_ALONE):
+    if later := recorded_later(opened, at, known_at, door=door, remedy=remedy or AT_ALONE):
         who = (
             "no door is" if door is None else f"door {opened.door_labels().get(door, door)} is not"
         )
@@ -274,14 +274,14 @@ def as_happened_line(verb: str, *words: str | PurePath) -> str:
     )
 
 
-def refuse_untold_map(opened: DoorLog, at: Time, known_at: Time, event: int | None = None) -> None:
+def check_map_recorded(opened: DoorLog, at: Time, known_at: Time, event: int | None = None) -> None:
     """Refuse a moment at which no door is in the map, where what happened then was recorded later.
 
     Raises:
-        UnknownDoorError: As `refuse_untold`.
+        UnknownDoorError: As `check_recorded`.
     """
     if (at, known_at) != (None, None) and not opened.replay(at, known_at, event).doors:
-        refuse_untold(opened, at, known_at)
+        check_recorded(opened, at, known_at)
 
 
 def size_of(size: int) -> str:

@@ -80,10 +80,10 @@ def _tell(log: Path, done: Compacted, *, dry_run: bool) -> None:
         events = counted(done.events, "event")
         typer.echo(f"bytes an event    {before:,.1f} -> {after:,.1f} ({events})")
     if done.merged_files:
-        _tell_merged(done)
+        _print_merged(done)
 
 
-def _tell_merged(done: Compacted) -> None:
+def _print_merged(done: Compacted) -> None:
     files = counted(done.merged_files, "merged file")
     typer.echo(
         f"{files}, {done.merged_bytes:,} bytes, stay for an hour, so that copies of the folder "

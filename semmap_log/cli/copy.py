@@ -44,7 +44,7 @@ def run(
       semmap-log copy office /mnt/backup/office --full
       semmap-log copy office /mnt/backup/office --json
     """
-    from semmap_log.log.replay.care import copy
+    from semmap_log.log.replay.maintenance import copy
 
     with progress("Copying") as told:
         done = copy(log, target, full=full, progress=told)

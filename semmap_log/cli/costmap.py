@@ -20,14 +20,14 @@ from semmap_log.cli.common import (
     OfClass,
     OutFile,
     UpToEvent,
+    check_map_recorded,
+    check_not_nan,
+    print_empty_log_hint,
     print_json,
     progress,
     range_of,
-    refuse_nan,
-    refuse_untold_map,
     say,
     size_of,
-    tell_how_to_begin,
 )
 from semmap_log.core.texts import counted
 
@@ -150,23 +150,23 @@ def run(
     """
     from semmap_log.analysis.costmaps import CostmapOptions, costmap_at
     from semmap_log.interop.exporting.costmap_files import write_costmap
-    from semmap_log.interop.formats.bags.bag_reading import tells_a_bag
+    from semmap_log.interop.formats.bags.bag_reading import is_bag_name
     from semmap_log.interop.formats.files.map_server import read_map
     from semmap_log.interop.formats.json.plan_json import costmap_to_json
     from semmap_log.log.door_log.read_log import read
 
-    refuse_nan(inflate=inflate, door_inflate=door_inflate, scaling=scaling, inscribed=inscribed,
+    check_not_nan(inflate=inflate, door_inflate=door_inflate, scaling=scaling, inscribed=inscribed,
                resolution=resolution, every=every)  # fmt: skip
     part = _part(layer, keepout=keepout)
     inflates = inflate != 0 or door_inflate != 0
-    _refuse_useless(part, inflates=inflates, scaling=scaling, inscribed=inscribed)
+    _check_useful(part, inflates=inflates, scaling=scaling, inscribed=inscribed)
     of_a_moment = {"--at": at, "--known-at": known_at, "--event": event,
                    "--keepout": keepout or None}  # fmt: skip
     over_time = {"--since": since, "--until": until, "--every": every, "--updates": updates}
-    is_bag = tells_a_bag(out)
-    _refuse_given(of_a_moment if is_bag else over_time, out, is_bag=is_bag)
+    is_bag = is_bag_name(out)
+    _check_not_given(of_a_moment if is_bag else over_time, out, is_bag=is_bag)
     opened = read(log)
-    tell_how_to_begin(opened)
+    print_empty_log_hint(opened)
     options = CostmapOptions(
         level=level,
         by=by.value,
@@ -191,7 +191,7 @@ def run(
         _say_recorded(out, done, as_json=as_json)
         return
     scope = opened.scope(at, known_at, event)
-    refuse_untold_map(opened, at, known_at, event)
+    check_map_recorded(opened, at, known_at, event)
     costmap = costmap_at(
         opened, options, at=scope.at_ns, known_at=scope.known_at_ns, event=scope.event, floor=floor
     )
@@ -208,7 +208,7 @@ def run(
             )
         )
         return
-    _tell_left_out(made.left_out, costmap.doors)
+    _print_left_out(made.left_out, costmap.doors)
     if costmap.floor is None:
         say("no floor map then: the grid lies around the doors; another: --map MAP.YAML")
     say(f"{', '.join(map(str, made.files))}: {_told(costmap, made.doors)}")
@@ -242,7 +242,7 @@ def _say_recorded(out: Path, done: RecordedCostmap, *, as_json: bool) -> None:
         say(f"{out}: {made}, {size_of(done.bytes)}.")
 
 
-def _refuse_given(options: Mapping[str, object], out: Path, *, is_bag: bool) -> None:
+def _check_not_given(options: Mapping[str, object], out: Path, *, is_bag: bool) -> None:
     """Refuse options that mean nothing for a file of that kind."""
     given = [name for name, value in options.items() if value is not None]
     if given:
@@ -256,7 +256,7 @@ def _part(layer: Layer | None, *, keepout: bool) -> Part:
     return "keepout" if keepout else "door" if layer is Layer.door else "master"
 
 
-def _refuse_useless(
+def _check_useful(
     part: Part, *, inflates: bool, scaling: float | None, inscribed: float | None
 ) -> None:
     """Refuse options that would change nothing: somebody meant something by them."""
@@ -272,7 +272,7 @@ def _refuse_useless(
         )
 
 
-def _tell_left_out(left_out: Sequence[tuple[Door, str]], door_map: DoorMap) -> None:
+def _print_left_out(left_out: Sequence[tuple[Door, str]], door_map: DoorMap) -> None:
     """Say a line for each reason, with the first of the doors."""
     from semmap_log.log.door_log.summary import labels_of
 

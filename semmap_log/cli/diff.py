@@ -49,7 +49,7 @@ def run(
     from semmap_log.interop.formats.json.door_json import diff_to_json
     from semmap_log.log.door_log.read_log import read
 
-    _refuse_twice(log, first, second, since, until)
+    _check_moments(log, first, second, since, until)
     opened = read(log)
     start, end = _ends(opened, first or since, second or until)
     found = opened.diff(start, end)
@@ -61,7 +61,7 @@ def run(
     console().print(diff_table(found, tz=opened.info.timezone))
 
 
-def _refuse_twice(
+def _check_moments(
     log: Path, first: str | None, second: str | None, since: str | None, until: str | None
 ) -> None:
     """Refuse a moment that is given in two ways, and a range that does not say where it begins.

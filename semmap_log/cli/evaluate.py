@@ -86,7 +86,7 @@ def run(
     from semmap_log.analysis.beliefs.evaluation import evaluate
     from semmap_log.analysis.beliefs.protocol import Protocol
     from semmap_log.analysis.probabilities.belief_fold import ESTIMATORS, by_name
-    from semmap_log.core.io.disk import log_name, refuse_own_folder
+    from semmap_log.core.io.disk import check_outside_log, log_name
     from semmap_log.core.model.moments import parse_duration
     from semmap_log.interop.formats.json.evaluation_json import evaluation_to_json
     from semmap_log.log.door_log.read_log import read
@@ -99,12 +99,12 @@ def run(
     methods = [by_name(name) for name in dict.fromkeys(estimator or ESTIMATORS)]
     opened = read(log)
     if plot is not None:
-        refuse_own_folder(opened.path, plot)
+        check_outside_log(opened.path, plot)
     start, end = range_of(opened, since, until)
     with progress("Forecasting", unit="forecasts") as told:
         found = evaluate(
             opened, methods, protocol, since=start, until=end, tz=tz, progress=told,
-            doors=[opened.resolve_ever(name) for name in door] if door else None,
+            doors=[opened.resolve_any_door(name) for name in door] if door else None,
         )  # fmt: skip
     if plot is not None:
         from semmap_log.views.plots.calibration import plot_calibration

@@ -19,11 +19,11 @@ from semmap_log.cli.common import (
     OutFile,
     PaletteName,
     UpToEvent,
+    check_map_recorded,
+    check_not_nan,
     print_json,
     progress,
     range_of,
-    refuse_nan,
-    refuse_untold_map,
     say,
     size_of,
 )
@@ -163,35 +163,35 @@ def run(
       semmap-log export office day.mcap --markers
       semmap-log export office morning.bag --since 06:00 --until 12:00
     """
-    from semmap_log.core.io.disk import refuse_own_folder
-    from semmap_log.core.texts import told_once
+    from semmap_log.core.io.disk import check_outside_log
+    from semmap_log.core.texts import deduplicated
     from semmap_log.interop.exporting.log_files import export
-    from semmap_log.interop.formats.bags.bag_reading import tells_a_bag
+    from semmap_log.interop.formats.bags.bag_reading import is_bag_name
     from semmap_log.interop.formats.files.pddl import Wishes
     from semmap_log.log.door_log.read_log import read
 
-    is_bag = markers or tells_a_bag(out)
+    is_bag = markers or is_bag_name(out)
     if out.suffix.lower() not in OF_ONE_CLASS:
-        _refuse_given({"--class": object_class}, f"only for {', '.join(OF_ONE_CLASS)}")
+        _check_not_given({"--class": object_class}, f"only for {', '.join(OF_ONE_CLASS)}")
     if is_bag:
         of_a_moment = {"--at": at, "--known-at": known_at, "--event": event}
-        _refuse_given(of_a_moment, "a bag shows a range: --since, --until")
+        _check_not_given(of_a_moment, "a bag shows a range: --since, --until")
     else:
-        _refuse_given({"--since": since, "--until": until, "--every": every}, "only for bags")
+        _check_not_given({"--since": since, "--until": until, "--every": every}, "only for bags")
     if not markers:
-        _refuse_given({"--palette": palette}, "only with --markers")
+        _check_not_given({"--palette": palette}, "only with --markers")
     if out.suffix.lower() != ".pddl":
         of_pddl = {"--domain": domain, "--start": start, "--goal": goal, "--strips": strips or None}
-        _refuse_given(of_pddl, "only for .pddl")
+        _check_not_given(of_pddl, "only for .pddl")
     if not pseudonymous:
-        _refuse_given({"--with-tracks": with_tracks or None}, "only with --pseudonymous")
+        _check_not_given({"--with-tracks": with_tracks or None}, "only with --pseudonymous")
     opened = read(log)
     span, scope = range_of(opened, since, until), opened.scope(at, known_at, event)
     if not is_bag:
-        refuse_untold_map(opened, at, known_at, event)
+        check_map_recorded(opened, at, known_at, event)
     with ExitStack() as copies:
         if pseudonymous:
-            refuse_own_folder(opened.path, out)
+            check_outside_log(opened.path, out)
             span = _absolute(opened, span)
             opened = copies.enter_context(_without_names(opened, scope, with_tracks=with_tracks))
             scope = replace(scope, known_at_ns=None, event=None)  # the copy ends there
@@ -214,7 +214,7 @@ def run(
         lists = {"left_out": list(done.left_out), "notes": list(done.notes)}
         print_json({"file": str(out), "wrote": done.what, **lists})
         return
-    for text in told_once(done.left_out):
+    for text in deduplicated(done.left_out):
         say(f"left out: {text}")
     for text in done.notes:
         say(text)
@@ -266,7 +266,7 @@ def _stream_options(
 ) -> StreamOptions:
     from semmap_log.interop.exporting.stream import StreamOptions
 
-    refuse_nan(default_prob=default_prob, every=every)
+    check_not_nan(default_prob=default_prob, every=every)
     if default_prob is not None and not 0 <= default_prob <= 1:
         raise typer.BadParameter("expected a number from 0 to 1", param_hint="--default-prob")
     if every is not None and not 0 <= every <= MOST_EVERY_S:
@@ -280,7 +280,7 @@ def _told(done: RecordedBag) -> str:
     return ", ".join(f"{count:,} on {topic}" for topic, count in done.messages.items())
 
 
-def _refuse_given(options: Mapping[str, object], instead: str) -> None:
+def _check_not_given(options: Mapping[str, object], instead: str) -> None:
     """Refuse options that mean nothing for that file."""
     given = [name for name, value in options.items() if value is not None]
     if given:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, At, KnownAt, a_file, print_json, progress, say, size_of
-from semmap_log.cli.fleet_answers import answer_to_json, tell_answer, write_rows
+from semmap_log.cli.fleet_answers import answer_to_json, print_answer, write_rows
 
 if TYPE_CHECKING:
     from semmap_log.fleet.jobs.fleet_run import Fleet
@@ -145,7 +145,7 @@ def run(
     if as_json:
         print_json(answer_to_json(found))
     else:
-        tell_answer(found, out)
+        print_answer(found, out)
     if found.bad:
         raise typer.Exit(ANY_BAD)
 

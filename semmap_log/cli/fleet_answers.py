@@ -18,11 +18,11 @@ MOST_ROWS = 40
 def write_rows(found: FleetAnswer, out: Path) -> None:
     """Write the rows of an answer as a file; its name says whether CSV or Parquet."""
     from semmap_log.core.arrow.parquet import write_parquet
-    from semmap_log.core.io.disk import output_errors, whole_file
+    from semmap_log.core.io.disk import atomic_file, output_errors
     from semmap_log.core.texts import counted
     from semmap_log.views.fleet_tables import write_csv
 
-    with output_errors(out), whole_file(out) as temporary:
+    with output_errors(out), atomic_file(out) as temporary:
         if out.suffix == ".csv":
             write_csv(temporary, found.table)
         else:
@@ -30,10 +30,10 @@ def write_rows(found: FleetAnswer, out: Path) -> None:
     say(f"{out}: {counted(found.table.num_rows, 'row')}")
 
 
-def tell_answer(found: FleetAnswer, out: Path | None) -> None:
+def print_answer(found: FleetAnswer, out: Path | None) -> None:
     """Print an answer for people: the first rows, unless they went to a file, and what is bad."""
     from semmap_log.core.texts import counted
-    from semmap_log.views.fleet_tables import arrow_rows_table, bad_logs_table, outcomes_in_words
+    from semmap_log.views.fleet_tables import arrow_rows_table, bad_logs_table, outcomes_text
 
     if out is None:
         console().print(arrow_rows_table(found.table.slice(0, MOST_ROWS)))
@@ -44,7 +44,7 @@ def tell_answer(found: FleetAnswer, out: Path | None) -> None:
     if found.bad:
         console().print()
         console().print(bad_logs_table(found.bad))
-    say(outcomes_in_words(found.logs))
+    say(outcomes_text(found.logs))
 
 
 def answer_to_json(found: FleetAnswer) -> dict[str, Any]:

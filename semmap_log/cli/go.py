@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from semmap_log.cli.common import AsJson, LogPath, console, print_json, progress, refuse_untold_map
+from semmap_log.cli.common import AsJson, LogPath, check_map_recorded, console, print_json, progress
 from semmap_log.cli.patrol_plan import SPEED_M_S, Speed, seconds_of
 from semmap_log.cli.probabilities import Estimator, Zone
 
@@ -56,7 +56,7 @@ def run(
     from semmap_log.views.rebase_table import trip_table
 
     opened = read(log)
-    refuse_untold_map(opened, depart, None)
+    check_map_recorded(opened, depart, None)
     with progress("Reading") as told:
         trip = door_trip(
             opened, start_at, goal_at, depart=depart, estimator=estimator, tz=tz,

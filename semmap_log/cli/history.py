@@ -18,11 +18,11 @@ from semmap_log.cli.common import (
     Until,
     console,
     doors_meant,
+    print_empty_log_hint,
     print_json_list,
     progress,
     range_of,
     say,
-    tell_how_to_begin,
 )
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def run(
             known = ", ".join(KIND_BY_NAME)
             raise typer.BadParameter(f"{name!r}: expected one of {known}", param_hint="--kind")
     opened = read(log)
-    tell_how_to_begin(opened)
+    print_empty_log_hint(opened)
     start, end = range_of(opened, since, until)
     doors = doors_meant(opened, None if door is None else [door], object_class)
     door_id = doors[0] if doors and door else None
@@ -91,10 +91,10 @@ def run(
                 "draws the states; it goes with DOOR, --since, --until and --palette only",
                 param_hint="--plot",
             )
-        from semmap_log.core.io.disk import refuse_own_folder
+        from semmap_log.core.io.disk import check_outside_log
         from semmap_log.views.plots.lanes import Lanes  # needs matplotlib
 
-        refuse_own_folder(opened.path, plot)
+        check_outside_log(opened.path, plot)
         with progress("Reading") as told:
             lanes = Lanes.of(opened, doors, start, end, progress=told)
         _draw(lanes, plot, palette)

@@ -21,8 +21,8 @@ from semmap_log.cli.bag_options import (
     check_keep_scans,
     check_scan,
     heights_of,
-    tell_plan,
-    tell_scan_import,
+    print_plan,
+    print_scan_import,
 )
 from semmap_log.cli.common import AsJson, MapServer, WritableLog, print_json, progress, say
 from semmap_log.cli.proposing import (
@@ -249,7 +249,7 @@ def run(
       semmap-log import office patrol.bag --scan --propose-doors --plot doors.png
       semmap-log import office patrol.bag --scan --propose-doors --yes --only 4
     """
-    from semmap_log.analysis.scans.visit import folder_beside
+    from semmap_log.analysis.scans.visit import scans_folder
     from semmap_log.core.model.commits import Note
     from semmap_log.interop.formats.files.door_table import form_of
     from semmap_log.interop.importing.importing import ImportOptions, import_file
@@ -303,7 +303,10 @@ def run(
             if not as_json:
                 _tell(log, moved)
         for file in files:
-            with _told_of_ctrl_c(file), progress(f"Importing {file.name}", unit="entries") as told:
+            with (
+                _reporting_ctrl_c(file),
+                progress(f"Importing {file.name}", unit="entries") as told,
+            ):
                 imported = import_file(
                     opened, file, options, note=note, keep_scans=keep_scans, progress=told
                 )
@@ -311,7 +314,7 @@ def run(
             if not as_json:
                 _tell(file, imported)
         if keep_scans and files and not as_json:
-            say(f"{folder_beside(opened.path)}: the scans of visits.")
+            say(f"{scans_folder(opened.path)}: the scans of visits.")
     if as_json:
         print_json(results)
 
@@ -343,7 +346,7 @@ def _check_together(
 
 
 @contextmanager
-def _told_of_ctrl_c(file: Path) -> Iterator[None]:
+def _reporting_ctrl_c(file: Path) -> Iterator[None]:
     """Say on Ctrl-C what became of a file."""
     try:
         yield
@@ -363,7 +366,7 @@ def _since_ns(log: DoorLog, since: str | None, *, since_ever: bool) -> int | Non
 
     log_now_ns = now_ns(log)
     if since_ever:
-        ever_ns = log.since_ever_ns()
+        ever_ns = log.before_first_ns()
         if ever_ns is None:
             say(
                 "--since-ever: the log has no events yet, so the doors exist from now on; "
@@ -409,7 +412,7 @@ def _show(opened: DoorLog, files: list[Path], options: ImportOptions, note: Note
             with progress(f"Reading {file.name}", unit="messages") as told:
                 found = plan_scan_import(opened, file, options, told, actor=note.actor)
             if found is not None:
-                tell_scan_import(file, found)
+                print_scan_import(file, found)
                 continue
         known = command_id_of(file, options)
         if any(commit.command_id == known for commit in opened.commits()):
@@ -425,11 +428,11 @@ def _show(opened: DoorLog, files: list[Path], options: ImportOptions, note: Note
                 for each in commit.events(numbers, options.at_ns)
             )
             plan = replace(plan, events=events)
-        tell_plan(file, plan)
+        print_plan(file, plan)
 
 
 def _tell(file: Path, imported: Any) -> None:
-    from semmap_log.core.texts import counted, told_once
+    from semmap_log.core.texts import counted, deduplicated
 
     plan = imported.plan
     if imported.known_before:
@@ -449,11 +452,11 @@ def _tell(file: Path, imported: Any) -> None:
         typer.echo(f"{file}: {events}, numbers {imported.first_event}..{last}.")
     for text in plan.summary:
         typer.echo(f"  {text}")
-    for text in told_once(plan.left_out):
+    for text in deduplicated(plan.left_out):
         say(f"  left out: {text}")
     if any(text.endswith(_A_LASER) for text in plan.left_out):
         say("  with --scan a laser's scans tell how the doors stood")
-    for text in told_once(plan.warnings):
+    for text in deduplicated(plan.warnings):
         say(f"  warning: {text}")
 
 

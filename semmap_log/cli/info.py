@@ -38,8 +38,8 @@ def run(
       semmap-log info office --day yesterday --all-doors
       semmap-log info office/office_000000.mcap --json
     """
-    from semmap_log.core.io.made_logs import is_called_as_made
     from semmap_log.core.io.url_path import place_of
+    from semmap_log.core.io.virtual_logs import has_virtual_suffix
     from semmap_log.interop.formats.json.door_json import day_to_json
     from semmap_log.log.door_log.day import day_of_doors
     from semmap_log.log.door_log.read_log import read
@@ -65,7 +65,7 @@ def run(
         out.print()
     elif day is not None:
         say(f"--day {day}: no door was in the map on that day, or the file is not a whole log.")
-    if not is_called_as_made(log):  # a join has a view for each state of its logs
+    if not has_virtual_suffix(log):  # a join has a view for each state of its logs
         out.print(head_hint(place_of(log)))
 
 

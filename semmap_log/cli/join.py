@@ -109,8 +109,8 @@ def _write(joined: JoinedLogs, plan: DoorPlan, new: Path) -> None:
     say(f"{new}: a new log of {counted(built.events, 'event')}")
     for log, kinds in built.left_out.items():
         if kinds:
-            told_kinds = ", ".join(f"{count:,} {kind}" for kind, count in sorted(kinds.items()))
-            say(f"of {log} are left out, since they do not count in the building: {told_kinds}")
+            kind_counts = ", ".join(f"{count:,} {kind}" for kind, count in sorted(kinds.items()))
+            say(f"of {log} are left out, since they do not count in the building: {kind_counts}")
 
 
 def _propose(joined: JoinedLogs, plan: DoorPlan, out: Path | None, *, as_json: bool) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import AsJson, DoorName, WritableLog, refuse_nan, takes_about
+from semmap_log.cli.common import AsJson, DoorName, WritableLog, check_not_nan, takes_about
 from semmap_log.cli.door_options import StateOption, a_state_typed, state_given
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def run(
     from semmap_log.cli.door_options import tell
     from semmap_log.log.door_log.opening import append
 
-    refuse_nan(opening=opening)
+    check_not_nan(opening=opening)
     state = state_given(state, seen)
     if state is None:
         raise typer.BadParameter("expected what was seen, such as open", param_hint="STATE")

@@ -6,7 +6,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from semmap_log.cli.common import say
-from semmap_log.cli.plain_streams import is_nobody_reading, json_text, write_line
+from semmap_log.cli.sanitized_streams import is_nobody_reading, json_text, write_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,7 +26,7 @@ def follow(opened: DoorLog, begun: BegunRound, *, as_json: bool) -> None:
     from semmap_log.analysis.planning.followed_round import FollowedRound, events_since
     from semmap_log.views.patrol_plan_table import over_line
 
-    round_ = FollowedRound(begun, opened.opened_anew)
+    round_ = FollowedRound(begun, opened.reopened_log)
     show = _shown(begun, round_, as_json=as_json)
     try:
         batches = events_since(opened, begun.plan.start_ns, stop=is_nobody_reading)
@@ -46,7 +46,7 @@ def _shown(
     begun: BegunRound, round_: FollowedRound, *, as_json: bool
 ) -> Callable[[RoundStep], None]:
     """Return what prints a step, and lets go of it at once."""
-    from semmap_log.cli.plain_streams import is_for_people
+    from semmap_log.cli.sanitized_streams import is_for_people
     from semmap_log.interop.formats.json.plan_json import step_to_json
     from semmap_log.views.column_table import line_of
     from semmap_log.views.patrol_plan_table import STEP_ROW, step_line, step_row

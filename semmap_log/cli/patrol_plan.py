@@ -10,15 +10,15 @@ import typer
 from semmap_log.cli.common import (
     AsJson,
     LogPath,
+    check_map_recorded,
     console,
     print_json,
     progress,
-    refuse_untold_map,
     say,
 )
 from semmap_log.cli.patrol_following import follow as follow_round
-from semmap_log.cli.plain_streams import json_text, write_line
 from semmap_log.cli.probabilities import PLOTS, Estimator, Zone
+from semmap_log.cli.sanitized_streams import json_text, write_line
 
 if TYPE_CHECKING:
     from semmap_log.analysis.planning.patrol_plan import PatrolPlan
@@ -121,7 +121,7 @@ def run(
     from semmap_log.analysis.planning.door_chances import SkipRule
     from semmap_log.analysis.planning.patrol_plan import PatrolOptions, listed
     from semmap_log.analysis.planning.round_planner import begun_round
-    from semmap_log.core.io.disk import refuse_own_folder
+    from semmap_log.core.io.disk import check_outside_log
     from semmap_log.interop.formats.json.plan_json import plan_to_json
     from semmap_log.log.door_log.read_log import read
     from semmap_log.views.patrol_plan_table import patrol_plan_table
@@ -135,9 +135,9 @@ def run(
         raise typer.BadParameter(f"expected a name that ends in .png or .svg, got {plot}",
                                  param_hint="--plot")  # fmt: skip
     opened = read(log)
-    refuse_untold_map(opened, start, None)
+    check_map_recorded(opened, start, None)
     if plot is not None:
-        refuse_own_folder(opened.path, plot)
+        check_outside_log(opened.path, plot)
     options = PatrolOptions(
         speed_m_s=speed,
         budget_s=None if budget is None else seconds_of(budget, "--budget"),

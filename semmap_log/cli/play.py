@@ -14,14 +14,14 @@ from semmap_log.cli.common import (
     AsJson,
     LogPath,
     PaletteName,
+    check_not_nan,
     on_stop,
     print_json,
     range_of,
-    refuse_nan,
     say,
 )
-from semmap_log.cli.plain_streams import plain, steering
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
+from semmap_log.cli.sanitized_streams import plain, steering
 from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def run(
     from semmap_log.log.door_log.read_log import read
 
     version = chosen_ros(ros1=ros1, ros2=ros2)
-    refuse_nan(rate=rate, default_prob=default_prob, skip_empty=skip_empty, clock_hz=clock_hz)
+    check_not_nan(rate=rate, default_prob=default_prob, skip_empty=skip_empty, clock_hz=clock_hz)
     if not SLOWEST <= rate <= FASTEST:
         raise typer.BadParameter(
             f"expected a number from {SLOWEST:g} to {FASTEST:g}, got {rate:g}; --immediate does "

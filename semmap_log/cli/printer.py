@@ -6,7 +6,7 @@ goes to stderr. Tables of one answer have an empty line between. A report withou
 text on stdout, and is not wrapped either.
 
 Colours are for terminals (`colours_wanted`); the lines of tables never have any. `PlainConsole` is
-rich's console for texts from outside: see `plain_streams`.
+rich's console for texts from outside: see `sanitized_streams`.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.segment import Segment
 from rich.text import Text
 
-from semmap_log.cli import plain_streams
-from semmap_log.cli.plain_streams import plain, steering, write_line
+from semmap_log.cli import sanitized_streams
+from semmap_log.cli.sanitized_streams import plain, steering, write_line
 from semmap_log.views.column_table import ColumnTable, TextPicture
 
 
@@ -76,7 +76,7 @@ class Printer:
     """Prints what a verb shows, in the form that its reader wants."""
 
     def __init__(self) -> None:
-        self._draws = plain_streams.is_for_people()
+        self._draws = sanitized_streams.is_for_people()
         self._console = PlainConsole(sys.stdout, width=None if self._draws else UNWRAPPED)
         self._tables = 0
         self._left_out: list[str] = []
@@ -90,7 +90,7 @@ class Printer:
             elif isinstance(part, (ColumnTable, TextPicture)):
                 self._tell(part.table if isinstance(part, TextPicture) else part)
         if not self._draws:
-            self._tell_rest([p for p in parts if not isinstance(p, (ColumnTable, TextPicture))])
+            self._print_rest([p for p in parts if not isinstance(p, (ColumnTable, TextPicture))])
 
     def _draw(self, part: RenderableType) -> None:
         if isinstance(part, TextPicture):
@@ -121,7 +121,7 @@ class Printer:
         for line in table.lines():
             write_line(line)
 
-    def _tell_rest(self, parts: list[RenderableType]) -> None:
+    def _print_rest(self, parts: list[RenderableType]) -> None:
         """Write what is not a table: to stderr if there is one, else as the answer."""
         texts = [part for part in parts if isinstance(part, Text)]
         if self._tables:

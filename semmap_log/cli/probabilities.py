@@ -17,14 +17,14 @@ from semmap_log.cli.common import (
     LogPath,
     OfClass,
     as_happened_line,
+    check_recorded,
     console,
+    note_later_events,
+    print_empty_log_hint,
     print_json,
     progress,
-    refuse_untold,
     say,
     takes_about,
-    tell_how_to_begin,
-    tell_of_later,
 )
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def run(
         raise typer.BadParameter("shows one hour; leave it out, or --by and --plot",
                                  param_hint="--when")  # fmt: skip
     typical = when is not None or by is not None or plot is not None
-    _refuse_useless(about, horizon=horizon, estimator=estimator, typical=typical, apply=apply)
+    _check_useful(about, horizon=horizon, estimator=estimator, typical=typical, apply=apply)
     if plot is not None and plot.suffix not in PLOTS:
         raise typer.BadParameter(f"expected a name that ends in .png or .svg, got {plot}",
                                  param_hint="--plot")  # fmt: skip
@@ -149,7 +149,7 @@ def run(
         return
     asked["horizon_ns"] = parse_duration(horizon) if horizon else 0
     opened, applied = read(log), None
-    tell_how_to_begin(opened)
+    print_empty_log_hint(opened)
     with progress("Reading") as told:
         if apply:
             applied = _apply(log, asked, about, told)
@@ -157,7 +157,7 @@ def run(
         else:
             beliefs = probabilities(opened, **asked, progress=told)
     if not beliefs:
-        _refuse_untold(opened, asked)
+        _check_recorded(opened, asked)
     zone = opened.info.timezone if tz is None else tz
     if as_json:
         print_json(
@@ -169,7 +169,7 @@ def run(
 
     console().print(belief_table(beliefs, tz=zone))
     if all(belief.evidence.is_empty for belief in beliefs) and not as_happened:
-        tell_of_later(opened, at, known_at)
+        note_later_events(opened, at, known_at)
     if applied is not None:
         _tell(applied)
 
@@ -190,7 +190,7 @@ def _of_class(opened: DoorLog, object_class: str, asked: Mapping[str, Any]) -> l
     return list(of_class(there, object_class).doors)
 
 
-def _refuse_untold(opened: DoorLog, asked: Mapping[str, Any]) -> None:
+def _check_recorded(opened: DoorLog, asked: Mapping[str, Any]) -> None:
     """Refuse the answer that no door was in the map at the moment of the question.
 
     Raises:
@@ -201,12 +201,12 @@ def _refuse_untold(opened: DoorLog, asked: Mapping[str, Any]) -> None:
     from semmap_log.errors import UnknownDoorError
 
     moment = asked["at"] or asked["known_at"]
-    since_ns = opened.since_ever_ns()
+    since_ns = opened.before_first_ns()
     if moment is None or since_ns is None:
         return
     known_at = None if asked["as_happened"] else asked["known_at"]
     remedy = as_happened_line("probabilities", opened.path, *(asked["doors"] or ()))
-    refuse_untold(opened, moment, known_at, remedy=remedy)
+    check_recorded(opened, moment, known_at, remedy=remedy)
     since = format_local(since_ns, opened.info.timezone)
     raise UnknownDoorError(
         f"no door is in the map then: the log has no events before {since}, or its doors were "
@@ -214,7 +214,7 @@ def _refuse_untold(opened: DoorLog, asked: Mapping[str, Any]) -> None:
     )
 
 
-def _refuse_useless(
+def _check_useful(
     about: About, *, horizon: str, estimator: str | None, typical: bool, apply: bool
 ) -> None:
     """Refuse options that would change nothing: somebody meant something by them."""
@@ -242,7 +242,7 @@ def _show_typical(
     as_json: bool,
 ) -> None:
     from semmap_log.analysis.beliefs.door_beliefs import typical_weeks
-    from semmap_log.core.io.disk import refuse_own_folder
+    from semmap_log.core.io.disk import check_outside_log
     from semmap_log.core.model.moments import parse_weekday
     from semmap_log.interop.formats.json.beliefs_json import weeks_to_json
     from semmap_log.log.door_log.read_log import read
@@ -252,13 +252,13 @@ def _show_typical(
         raise typer.BadParameter(f'expected a day and an hour such as "Tue 10:00", got {when!r}',
                                  param_hint="--when")  # fmt: skip
     opened = read(log)
-    tell_how_to_begin(opened)
+    print_empty_log_hint(opened)
     if plot is not None:
-        refuse_own_folder(opened.path, plot)
+        check_outside_log(opened.path, plot)
     with progress("Reading") as told:
         weeks = typical_weeks(opened, **asked, progress=told)
     if not weeks:
-        _refuse_untold(opened, asked)
+        _check_recorded(opened, asked)
     which = by or By.week
     if plot is not None:
         _plot(weeks, plot, which)

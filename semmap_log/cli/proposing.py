@@ -45,7 +45,7 @@ Plot = Annotated[
 class Proposing(NamedTuple):
     """The options."""
 
-    is_asked: bool
+    is_requested: bool
     yes: bool
     only: list[int] | None
     plot: Path | None
@@ -53,7 +53,7 @@ class Proposing(NamedTuple):
 
 def check_proposing(asked: Proposing, *, has_scan: bool, files: list[Path], dry_run: bool) -> None:
     """Refuse options of proposals without proposals, and proposals without a laser."""
-    if not asked.is_asked:
+    if not asked.is_requested:
         if asked.yes or asked.only or asked.plot is not None:
             raise typer.BadParameter(
                 "is about proposed doors: give --propose-doors", param_hint="--yes, --only, --plot"

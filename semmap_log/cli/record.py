@@ -28,8 +28,8 @@ from semmap_log.cli.bag_options import (
     heights_of,
 )
 from semmap_log.cli.common import WritableLog, on_stop, print_json, say, stopped_for_good
-from semmap_log.cli.plain_streams import json_text
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
+from semmap_log.cli.sanitized_streams import json_text
 from semmap_log.cli.verb import HELP_MADE_LATE, problems_to_json, tell
 from semmap_log.cli.writing_options import (
     EVERY,
@@ -38,9 +38,9 @@ from semmap_log.cli.writing_options import (
     SignEvery,
     SignKey,
     SyncChoice,
-    shipped_beside,
-    signed_beside,
     signer_of,
+    with_shipping,
+    with_signing,
 )
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from semmap_log.live.ros.ros_recorder import EventSink
     from semmap_log.log.door_log.door_log import DoorLog
     from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-    from semmap_log.log.signing.sign_beside import SignBeside
+    from semmap_log.log.signing.background_signer import BackgroundSigner
 
 
 NODE = "semmap_log_recorder"
@@ -92,7 +92,7 @@ def record_topics(
     read: Read,
     promised: Promised | None,
     *,
-    signer: SignBeside | None = None,
+    signer: BackgroundSigner | None = None,
     as_json: bool = False,
 ) -> None:
     """Record until Ctrl-C, or SIGTERM, or until ROS ends.
@@ -327,7 +327,7 @@ def run(
         if dry_run and sign_key is not None:
             raise typer.BadParameter("nothing is written with --dry-run", param_hint="--sign-key")
         signer = signer_of(log, sign_key, sign_every, adopt=adopt)
-        with shipped_beside(log, ship), signed_beside(log, signer):
+        with with_shipping(log, ship), with_signing(log, signer):
             record_topics(
                 context, log, version, read, None if dry_run else policy, signer=signer,
                 as_json=as_json,
@@ -342,14 +342,14 @@ def run(
         )
     if ack and as_json:
         raise typer.BadParameter("answers each line as JSON already", param_hint="--ack")
-    from semmap_log.core.texts import MOST_TOLD, Repeats, counted
+    from semmap_log.core.texts import MOST_LISTED, Repeats, counted
     from semmap_log.live.ros.line_recorder import LineAnswer, LineRecorder
     from semmap_log.log.door_log.opening import append
 
     refused = Repeats()
 
     def answer(one: LineAnswer) -> None:
-        if one.error and refused.add(one.line, one.error).count <= MOST_TOLD:
+        if one.error and refused.add(one.line, one.error).count <= MOST_LISTED:
             tell(f"line {one.line}: {one.error}")
         if ack:
             said = {
@@ -361,8 +361,8 @@ def run(
 
     signer = signer_of(log, sign_key, sign_every, adopt=adopt)
     with (
-        shipped_beside(log, ship),
-        signed_beside(log, signer),
+        with_shipping(log, ship),
+        with_signing(log, signer),
         append(
             log,
             durability=durability.value,

@@ -96,6 +96,6 @@ def _others(
 
     parts: list[Part] = [Tracks()] if tracks else []
     if door is not None:
-        door_id = opened.resolve_ever(door)
+        door_id = opened.resolve_any_door(door)
         parts += [Annotation(door_id, key) for key in keys or ()]
     return parts

@@ -9,12 +9,12 @@ from semmap_log.cli.common import (
     LogPath,
     OfClass,
     UpToEvent,
+    check_recorded,
     console,
+    note_later_events,
+    print_empty_log_hint,
     print_json,
     progress,
-    refuse_untold,
-    tell_how_to_begin,
-    tell_of_later,
 )
 
 
@@ -49,11 +49,11 @@ def run(
     from semmap_log.log.door_log.read_log import read
 
     opened = read(log)
-    tell_how_to_begin(opened)
+    print_empty_log_hint(opened)
     with progress("Reading") as told:
         door_map = opened.replay(at, known_at, event, progress=told)
     if not door_map.doors and event is None:
-        refuse_untold(opened, at, known_at)
+        check_recorded(opened, at, known_at)
     if object_class is not None:
         from semmap_log.core.folds.levels import of_class
 
@@ -66,4 +66,4 @@ def run(
     console().print(door_table(door_map, tz=opened.info.timezone))
     doors = door_map.doors.values()
     if event is None and all(door.state is DoorState.UNKNOWN for door in doors):
-        tell_of_later(opened, at, known_at)
+        note_later_events(opened, at, known_at)

@@ -17,12 +17,12 @@ from semmap_log.cli.common import (
     Until,
     a_file,
     doors_meant,
+    print_empty_log_hint,
     print_json,
     progress,
     range_of,
     say,
     size_of,
-    tell_how_to_begin,
 )
 
 
@@ -60,7 +60,7 @@ def run(
     from semmap_log.log.door_log.read_log import read
 
     opened = read(log)
-    tell_how_to_begin(opened)
+    print_empty_log_hint(opened)
     start, end = range_of(opened, since, until)
     doors = doors_meant(opened, door, object_class)
     with progress("Reading") as told:

@@ -13,11 +13,11 @@ from semmap_log.cli.common import (
     KnownAt,
     LogPath,
     UpToEvent,
+    check_map_recorded,
     console,
+    print_empty_log_hint,
     print_json,
-    refuse_untold_map,
     say,
-    tell_how_to_begin,
 )
 
 if TYPE_CHECKING:
@@ -69,12 +69,12 @@ def run(
     from semmap_log.views.join_table import RoomWords, room_table
 
     opened = read(log)
-    tell_how_to_begin(opened)
+    print_empty_log_hint(opened)
     scope = opened.scope(at, known_at, event)
-    refuse_untold_map(opened, at, known_at, event)
+    check_map_recorded(opened, at, known_at, event)
     plan = room_plan(opened, at=scope.at_ns, known_at=scope.known_at_ns, event=scope.event)
     number = None if level is None else resolve_level(level, plan.door_map)
-    _refuse_no_plan(plan, number)
+    _check_has_plan(plan, number)
     if out is not None:
         _write(opened, plan, out, number)
     if plot is not None:
@@ -88,7 +88,7 @@ def run(
         say(line)
 
 
-def _refuse_no_plan(plan: RoomPlan, level: int | None) -> None:
+def _check_has_plan(plan: RoomPlan, level: int | None) -> None:
     """Say what is missing, where there is nothing to cut rooms from.
 
     Raises:
@@ -116,12 +116,12 @@ def _write(log: DoorLog, plan: RoomPlan, out: Path, level: int | None) -> None:
 
 
 def _plot(log: DoorLog, plan: RoomPlan, plot: Path, level: int | None) -> None:
-    from semmap_log.core.io.disk import refuse_own_folder
+    from semmap_log.core.io.disk import check_outside_log
     from semmap_log.core.model.moments import format_short
     from semmap_log.views.plots.figures import letters_of, save_figure
     from semmap_log.views.plots.room_plans import draw_rooms
 
-    refuse_own_folder(log.path, plot)
+    check_outside_log(log.path, plot)
     name = log.info.building or log.path.name
     moment = format_short(plan.door_map.moment_ns, log.info.timezone, seconds=False)
     figure = draw_rooms(plan, level=level, title=f"{name}, {moment}", letters=letters_of(plot))

@@ -19,11 +19,11 @@ from semmap_log.cli.common import (
     Since,
     Until,
     console,
+    print_empty_log_hint,
     print_json,
     progress,
     range_of,
     say,
-    tell_how_to_begin,
 )
 from semmap_log.core.texts import counted
 
@@ -92,7 +92,7 @@ def run(
             param_hint="--scan, --pose-topic, --heights, --level, --mapping",
         )
 
-    from semmap_log.core.io.disk import refuse_own_folder
+    from semmap_log.core.io.disk import check_outside_log
     from semmap_log.interop.formats.json.trip_json import scan_report_to_json
     from semmap_log.interop.importing.importing import ImportOptions
     from semmap_log.interop.importing.scan_reporting import seen_visits
@@ -100,9 +100,9 @@ def run(
     from semmap_log.log.door_log.read_log import read
 
     opened = read(log)
-    tell_how_to_begin(opened)
+    print_empty_log_hint(opened)
     if plot is not None:
-        refuse_own_folder(opened.path, plot)
+        check_outside_log(opened.path, plot)
     start, end = range_of(opened, since, until)
     options = ImportOptions(
         level=level,
@@ -113,7 +113,7 @@ def run(
         progress("Reading", unit="messages") as told,
         seen_visits(
             opened, bags, options,
-            doors=[opened.resolve_ever(name) for name in door] if door else None,
+            doors=[opened.resolve_any_door(name) for name in door] if door else None,
             since_ns=opened.instant(start), until_ns=opened.instant(end), progress=told,
         ) as seen,
     ):  # fmt: skip
@@ -135,13 +135,13 @@ def _check_plot(plot: Path | None) -> None:
 
 
 def _tell(report: ScanReport) -> None:
-    from semmap_log.core.texts import told_once
+    from semmap_log.core.texts import deduplicated
     from semmap_log.views.scan_report_table import scan_report_table, warning_lines
 
     console().print(scan_report_table(report))
     for line in report.summary:
         say(line)
-    for line in told_once(warning_lines(report)):
+    for line in deduplicated(warning_lines(report)):
         say(f"warning: {line}")
 
 

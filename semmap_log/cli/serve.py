@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.ask import (
-    ASKED_S,
+    ASK_POLL_S,
     TICK_S,
     AnyHost,
     AskAt,
@@ -24,8 +24,8 @@ from semmap_log.cli.ask import (
 from semmap_log.cli.common import (
     MapServer,
     PaletteName,
+    check_not_nan,
     on_stop,
-    refuse_nan,
     say,
     stopped_for_good,
 )
@@ -39,9 +39,9 @@ from semmap_log.cli.writing_options import (
     SignEvery,
     SignKey,
     SyncChoice,
-    shipped_beside,
-    signed_beside,
     signer_of,
+    with_shipping,
+    with_signing,
 )
 from semmap_log.core.texts import counted
 
@@ -253,7 +253,7 @@ def run(
             param_hint="--ros1, --ros2, --ask",
         )
     version = chosen_ros(ros1=ros1, ros2=ros2) if is_in_ros else None
-    refuse_nan(default_prob=default_prob, door_inflate=door_inflate, scaling=scaling)
+    check_not_nan(default_prob=default_prob, door_inflate=door_inflate, scaling=scaling)
     if yaml_replace and yaml is None:
         raise typer.BadParameter("only with --yaml", param_hint="--yaml-replace")
     for name, is_given in {
@@ -293,12 +293,12 @@ def run(
         for tell in changes:
             tell()
 
-    shipping = shipped_beside(log, ship)
+    shipping = with_shipping(log, ship)
     if read_only and sign_key is not None:
         raise typer.BadParameter("signs what it writes, so not with --read-only",
                                  param_hint="--sign-key")  # fmt: skip
     signer = signer_of(log, sign_key, sign_every, adopt=adopt)
-    signing = signed_beside(log, signer)
+    signing = with_signing(log, signer)
     doors: DoorServer | DoorFollower
     if read_only:
         if not (yaml is save_root is None):
@@ -309,7 +309,7 @@ def run(
             raise typer.BadParameter("ships what it writes, so not with --read-only",
                                      param_hint="--ship")  # fmt: skip
         with stopped_for_good():
-            poll_s = ASKED_S if planners else POLL_S
+            poll_s = ASK_POLL_S if planners else POLL_S
             doors = DoorFollower(log, changed=changed, poll_s=poll_s)
     else:
         root = save_root or (None if yaml is None else yaml.absolute().parent)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from semmap_log.cli.common import AsJson, WritableLog, a_url, print_json, progress, refuse_nan
+from semmap_log.cli.common import AsJson, WritableLog, a_url, check_not_nan, print_json, progress
 from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def run(
     """
     from semmap_log.fleet.shipping import ship
 
-    refuse_nan(keep_days=keep_days, remove_superseded_after=remove_superseded_after)
+    check_not_nan(keep_days=keep_days, remove_superseded_after=remove_superseded_after)
     if check:
         _check(log, url, as_json=as_json)
     with progress("Shipping") as told:
@@ -126,7 +126,7 @@ def run(
         f"{done.url}: {sent}; {done.found} there before. It reaches event "
         f"{done.manifest.mark.next_event - 1}, head {done.manifest.mark.head}"
     )
-    _tell_waiting(done.waits_events)
+    _print_waiting(done.waits_events)
     if kept_here is not None and kept_here.segments:
         segments = counted(kept_here.segments, "segment")
         typer.echo(
@@ -208,10 +208,10 @@ def _print_check(found: ShippingCheck) -> None:
     elif superseded.number:
         objects = counted(superseded.number, "object")
         typer.echo(f"{objects} there that the manifest does not name, {superseded.bytes:,} bytes.")
-    _tell_waiting(found.waits_events)
+    _print_waiting(found.waits_events)
 
 
-def _tell_waiting(count: int) -> None:
+def _print_waiting(count: int) -> None:
     if count:
         events = counted(count, "event")
         typer.echo(f"{events} in the segment that is being written: sent once it is closed.")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, LogPath, a_file, console, print_json_list, say, size_of
-from semmap_log.cli.plain_streams import steering
+from semmap_log.cli.sanitized_streams import steering
 from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def run(
     """
     from semmap_log.analysis.sql.answer_rows import csv_lines, json_rows, write_answer, writer_for
     from semmap_log.analysis.sql.sql_query import table_of_query
-    from semmap_log.core.io.disk import refuse_own_folder
+    from semmap_log.core.io.disk import check_outside_log
     from semmap_log.log.door_log.read_log import read
 
     if as_csv and as_json:
@@ -79,7 +79,7 @@ def run(
     opened, others = read(log), _logs(more or [])
     for one in (opened, *others.values()):
         if out is not None:
-            refuse_own_folder(one.path, out)
+            check_outside_log(one.path, out)
     if text is None:
         answer = _columns()
     else:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import LogPath, say, tell_how_to_begin
-from semmap_log.cli.plain_streams import is_nobody_reading, json_text, write_line
+from semmap_log.cli.common import LogPath, print_empty_log_hint, say
+from semmap_log.cli.sanitized_streams import is_nobody_reading, json_text, write_line
 
 if TYPE_CHECKING:
     from semmap_log.core.batches.event_batch import RecordedEvent
@@ -65,7 +65,7 @@ def run(
       semmap-log tail office -f --door front
       semmap-log tail office -f --json --after 1234 | my_program
     """
-    from semmap_log.cli.plain_streams import is_for_people
+    from semmap_log.cli.sanitized_streams import is_for_people
     from semmap_log.log.door_log.read_log import read
     from semmap_log.views.column_table import line_of
     from semmap_log.views.tail_lines import ROW
@@ -99,7 +99,7 @@ def _filter(opened: DoorLog, door: str | None, *, poses: bool) -> Callable[[Reco
     from semmap_log.core.model.events import DoorEvent, RobotPose, UnknownEvent
 
     if door is not None:
-        door_id = opened.resolve_ever(door)
+        door_id = opened.resolve_any_door(door)
         return lambda one: (
             isinstance(one.event, UnknownEvent)  # it may be about any door
             or (isinstance(one.event, DoorEvent) and one.event.door_id == door_id)
@@ -150,7 +150,7 @@ def _print(events: Iterable[Told], show: Callable[[RecordedEvent, Note], str]) -
 def _say_why_nothing(opened: DoorLog, door: str | None, after: int | None) -> None:
     """Explain an empty output: there are no events, or none of the wanted ones."""
     if (end := opened.last_event()) < 0:
-        tell_how_to_begin(opened)
+        print_empty_log_hint(opened)
         return
     asked = "" if door is None else f" about door {door}"
     behind = "" if after is None else f" behind {after}"
@@ -181,7 +181,7 @@ def _words(opened: DoorLog, *, for_people: bool) -> Callable[[RecordedEvent, Not
         if isinstance(event, DoorAnnotated) and event.key == "name":
             names[event.door_id] = event.value
         if isinstance(event, ClassDefined) or getattr(event, "key", "") == CLASS:
-            known["objects"] = opened.opened_anew().objects()
+            known["objects"] = opened.reopened_log().objects()
         if not for_people:
             return line_of(event_row(recorded, **known, note=note))
         columns = get_terminal_size().columns  # each time: who follows may widen the window

@@ -10,13 +10,13 @@ from semmap_log.cli.common import (
     LogPath,
     Since,
     Until,
+    check_recorded,
     console,
+    note_later_events,
     print_json,
     progress,
     range_of,
-    refuse_untold,
     say,
-    tell_of_later,
 )
 
 
@@ -48,11 +48,11 @@ def run(
 
     opened = read(log)
     start, end = range_of(opened, since, until)
-    door_id = opened.resolve_ever(door)
+    door_id = opened.resolve_any_door(door)
     with progress("Reading") as told:
         found = opened.timeline(door_id, at, known_at, since=start, until=end, progress=told)
     if not len(found):
-        refuse_untold(opened, at, known_at, door=door_id)
+        check_recorded(opened, at, known_at, door=door_id)
     if as_json:
         print_json(timeline_to_json(found, name=opened.door_names().get(door_id)))
         return
@@ -67,4 +67,4 @@ def run(
     else:
         out.print(timeline_totals(found, tz=opened.info.timezone, of=of))
     if (found.state == DoorState.UNKNOWN).all():
-        tell_of_later(opened, at, known_at, door=door_id)
+        note_later_events(opened, at, known_at, door=door_id)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import AsJson, DoorName, WritableLog, refuse_nan, takes_about
+from semmap_log.cli.common import AsJson, DoorName, WritableLog, check_not_nan, takes_about
 from semmap_log.cli.door_options import (
     End,
     Line,
@@ -58,7 +58,7 @@ def run(
     from semmap_log.log.door_log.opening import append
 
     state = state_given(word, state)
-    refuse_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
+    check_not_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
     line = line_of(Line(x, y, theta, width), start, end)
     fields = (line.x, line.y, line.theta, line.width, level, state, prob_open, prob_closed)
     if all(value is None for value in fields):

@@ -28,8 +28,8 @@ from typer import core
 from typer.core import TyperCommand
 
 from semmap_log.cli.completion import OFFERS, Offers
-from semmap_log.cli.plain_streams import PlainStream, json_text
 from semmap_log.cli.plain_values import with_plain_readers
+from semmap_log.cli.sanitized_streams import PlainStream, json_text
 from semmap_log.core.lazily import late_pattern
 from semmap_log.core.texts import Repeats
 from semmap_log.errors import FormatError
@@ -56,7 +56,7 @@ def fail(error: BaseException, *, as_json: bool, is_output_lost: bool = False) -
     """
     code: int = getattr(error, "exit_code", 1)
     if as_json:
-        _tell_machine(error, code, is_output_lost=is_output_lost)
+        _print_json_error(error, code, is_output_lost=is_output_lost)
     elif isinstance(error, CLICK_ERROR):
         error.show()  # type: ignore[attr-defined]
     else:
@@ -82,7 +82,7 @@ def problems_to_json(found: Repeats) -> list[dict[str, Any]]:
     ]
 
 
-def _tell_machine(error: BaseException, code: int, *, is_output_lost: bool) -> None:
+def _print_json_error(error: BaseException, code: int, *, is_output_lost: bool) -> None:
     document: dict[str, Any] = {
         "kind": _kind(error),
         "message": error.format_message() if isinstance(error, CLICK_ERROR) else str(error),  # type: ignore[attr-defined]
@@ -147,14 +147,14 @@ class Verb(TyperCommand):
         """Take up the command line; of a word that is no option, say which may be meant."""
         try:
             given = _with_places(args) if self.name in TAKE_PLACES else args
-            self._refuse_split_points(given)
+            self._check_split_points(given)
             return super().parse_args(ctx, _with_values(given))
         except CLICK_ERROR as error:
             if hasattr(error, "possibilities") and hasattr(error, "option_name"):
                 error.possibilities = self._similar(error.option_name)
             raise
 
-    def _refuse_split_points(self, args: list[str]) -> None:
+    def _check_split_points(self, args: list[str]) -> None:
         """Refuse a point as two numbers: the second would be taken for another argument.
 
         Raises:

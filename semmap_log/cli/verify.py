@@ -74,8 +74,8 @@ def run(
       semmap-log verify office --public-key k.pub
       semmap-log verify office --public-key k.pub --signatures /backup/office
     """
-    from semmap_log.core.io.made_logs import is_called_as_made
-    from semmap_log.log.replay.care import verify
+    from semmap_log.core.io.virtual_logs import has_virtual_suffix
+    from semmap_log.log.replay.maintenance import verify
     from semmap_log.views.health import verification_report
 
     wanted = _hash(head) if head else None
@@ -84,7 +84,7 @@ def run(
             log, public_key or [], signatures or [], wanted,
             allow_unsigned_end=allow_unsigned_end, as_json=as_json,
         )  # fmt: skip
-    if is_called_as_made(log) and log.is_file():
+    if has_virtual_suffix(log) and log.is_file():
         _verify_joined(log, wanted, as_json=as_json)
         return
     with progress("Verifying") as told:
@@ -106,12 +106,12 @@ def _verify_signed(
     as_json: bool,
 ) -> None:
     """Verify a log and its signatures, and leave with the exit code."""
-    from semmap_log.core.io.made_logs import is_called_as_made
+    from semmap_log.core.io.virtual_logs import has_virtual_suffix
     from semmap_log.views.health import signed_verification_report
 
     if not keys:
         raise typer.BadParameter("say whom to believe: --public-key", param_hint="--signatures")
-    if log.suffix == ".mcap" or is_called_as_made(log):
+    if log.suffix == ".mcap" or has_virtual_suffix(log):
         raise typer.BadParameter("ask of one whole log", param_hint="--public-key")
     from semmap_log.log.signing.signed_log import verify_signed
     from semmap_log.log.signing.statement import read_public_keys
@@ -144,7 +144,7 @@ def _signed_to_json(done: SignedVerification) -> dict[str, Any]:
 def _verify_joined(log: Path, head: bytes | None, *, as_json: bool) -> None:
     """Verify each log of a join: the join has no bytes of its own."""
     from semmap_log.fleet.join.joined_logs import flat_definition
-    from semmap_log.log.replay.care import verify
+    from semmap_log.log.replay.maintenance import verify
     from semmap_log.views.health import verification_report
 
     if head is not None:

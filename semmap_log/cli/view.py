@@ -24,12 +24,12 @@ from semmap_log.cli.common import (
     Since,
     Until,
     doors_meant,
+    print_empty_log_hint,
     print_json,
     progress,
     range_of,
     say,
     size_of,
-    tell_how_to_begin,
 )
 from semmap_log.core.texts import counted
 
@@ -153,13 +153,13 @@ def run(
     _check_ending("--screenshot", screenshot, ".png")
     pixels = (1920, 1080) if size is None else _pixels(size)
 
-    from semmap_log.core.io.disk import refuse_own_folder
+    from semmap_log.core.io.disk import check_outside_log
     from semmap_log.log.door_log.read_log import read
 
     opened = read(log)
-    tell_how_to_begin(opened)
+    print_empty_log_hint(opened)
     if screenshot is not None:
-        refuse_own_folder(opened.path, screenshot)
+        check_outside_log(opened.path, screenshot)
     if follow:
         os.environ.setdefault("RUST_LOG", SDK_SAYS)
     start, end = range_of(opened, since, until)
@@ -167,7 +167,7 @@ def run(
         raise typer.BadParameter("--follow has no end; leave T2 out", param_hint="--since")
     doors = doors_meant(opened, door, object_class)
     at_ns = opened.moment(at).ns if at else None
-    _tell_of_names(opened, doors)
+    _warn_of_names(opened, doors)
     looks: dict[str, Any] = {
         "since": start, "doors": doors, "palette": palette.colours, "costmap": costmap,
         "beliefs": beliefs,
@@ -244,7 +244,7 @@ def _pixels(size: str) -> tuple[int, int]:
     return sides[0], sides[1]
 
 
-def _tell_of_names(opened: DoorLog, doors: list[DoorId] | None) -> None:
+def _warn_of_names(opened: DoorLog, doors: list[DoorId] | None) -> None:
     """Say once that the viewer's font lacks letters, if it does."""
     from semmap_log.views.rerun.drawable import is_drawable_name
 
@@ -296,7 +296,7 @@ def _serve(rrd: Path, *, theme: ThemeName | None, browser: bool) -> None:
 
     try:
         with web_viewer(rrd) as viewer:
-            _tell_address(viewer, theme, browser=browser)
+            _print_address(viewer, theme, browser=browser)
             viewer.program.process.wait()
             raise viewer.program.failure()
     except KeyboardInterrupt:
@@ -330,7 +330,7 @@ def _follow(
     try:
         if web:
             with web_viewer() as served:
-                _tell_address(served, theme, browser=browser)
+                _print_address(served, theme, browser=browser)
                 show(served.program)
         else:
             with window() as viewer:
@@ -340,7 +340,7 @@ def _follow(
         return  # the way to end it
 
 
-def _tell_address(viewer: WebViewer, theme: ThemeName | None, *, browser: bool) -> None:
+def _print_address(viewer: WebViewer, theme: ThemeName | None, *, browser: bool) -> None:
     address = viewer.page(None if theme is None else theme.value)
     typer.echo(address)
     say("Open this address in a browser of this machine; Ctrl-C ends it.")

@@ -12,10 +12,10 @@ from semmap_log.cli.common import (
     KnownAt,
     LogPath,
     console,
+    note_later_events,
+    print_empty_log_hint,
     print_json,
     progress,
-    tell_how_to_begin,
-    tell_of_later,
 )
 
 
@@ -59,7 +59,7 @@ def run(
     from semmap_log.log.door_log.read_log import read
 
     opened = read(log)
-    tell_how_to_begin(opened)
+    print_empty_log_hint(opened)
     with progress("Reading") as told:
         found = opened.why(door, at, known_at, near_ns=parse_duration(near), progress=told)
     if as_json:
@@ -69,4 +69,4 @@ def run(
 
     console().print(explanation_table(found, tz=opened.info.timezone))
     if found.true.state is None:
-        tell_of_later(opened, at, known_at, door=found.door_id)
+        note_later_events(opened, at, known_at, door=found.door_id)

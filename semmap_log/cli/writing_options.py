@@ -17,13 +17,15 @@ from semmap_log.cli.verb import tell
 from semmap_log.core.texts import command_line
 
 if TYPE_CHECKING:
-    from semmap_log.fleet.ship_beside import ShipBeside
+    from semmap_log.fleet.background_shipper import BackgroundShipper
+    from semmap_log.log.signing.background_signer import BackgroundSigner
     from semmap_log.log.signing.ed25519_sdk import SigningKey
-    from semmap_log.log.signing.sign_beside import SignBeside
 
 
 @contextmanager
-def told_at_end(beside: AbstractContextManager[object], say: Callable[[], None]) -> Iterator[None]:
+def report_at_end(
+    beside: AbstractContextManager[object], say: Callable[[], None]
+) -> Iterator[None]:
     """Run something in the background; report its status at the end, whatever the exit code."""
     left: typer.Exit | None = None
     with beside:
@@ -89,7 +91,7 @@ def _passphrase(path: Path) -> str | None:
     return getpass(f"Passphrase of {path}: ")  # from the terminal: stdin may be events
 
 
-def signer_of(log: Path, path: Path | None, every: str, *, adopt: bool) -> SignBeside | None:
+def signer_of(log: Path, path: Path | None, every: str, *, adopt: bool) -> BackgroundSigner | None:
     """Return what signs a log while it is written; None: nothing is signed.
 
     Args:
@@ -116,19 +118,19 @@ def signer_of(log: Path, path: Path | None, every: str, *, adopt: bool) -> SignB
         raise typer.BadParameter(str(error), param_hint="--sign-every") from None
     with stopped_for_good():
         key = key_to_sign(log, path)
-    from semmap_log.log.signing.sign_beside import SignBeside
+    from semmap_log.log.signing.background_signer import BackgroundSigner
 
-    return SignBeside(log, key, adopt=adopt, tell=tell, every_s=max(every_s, LEAST_S))
+    return BackgroundSigner(log, key, adopt=adopt, tell=tell, every_s=max(every_s, LEAST_S))
 
 
-def signed_beside(log: Path, signer: SignBeside | None) -> AbstractContextManager[None]:
+def with_signing(log: Path, signer: BackgroundSigner | None) -> AbstractContextManager[None]:
     """Run what signs a log while it is written, and say at the end how far it has come."""
     if signer is None:
         return nullcontext()
-    return told_at_end(signer, lambda: _say_how_far(log, signer))
+    return report_at_end(signer, lambda: _say_how_far(log, signer))
 
 
-def _say_how_far(log: Path, beside: SignBeside) -> None:
+def _say_how_far(log: Path, beside: BackgroundSigner) -> None:
     if not beside.is_all_signed:
         tell(f"not all is signed. To sign it: {command_line('sign', log, '--key', 'KEY')}")
     elif beside.signed_before:
@@ -155,7 +157,7 @@ ShipTo = Annotated[
 ]
 
 
-def shipped_beside(log: Path, url: str | None) -> AbstractContextManager[None]:
+def with_shipping(log: Path, url: str | None) -> AbstractContextManager[None]:
     """Return what ships a log while it is written, and once more when its writer has ended.
 
     Args:
@@ -168,13 +170,13 @@ def shipped_beside(log: Path, url: str | None) -> AbstractContextManager[None]:
     """
     if url is None:
         return nullcontext()
-    from semmap_log.fleet.ship_beside import ShipBeside
+    from semmap_log.fleet.background_shipper import BackgroundShipper
 
-    beside = ShipBeside(log, a_url(url), tell=tell)
-    return told_at_end(beside, lambda: _say_how_far_shipped(log, beside))
+    beside = BackgroundShipper(log, a_url(url), tell=tell)
+    return report_at_end(beside, lambda: _say_how_far_shipped(log, beside))
 
 
-def _say_how_far_shipped(log: Path, beside: ShipBeside) -> None:
+def _say_how_far_shipped(log: Path, beside: BackgroundShipper) -> None:
     status = beside.status
     if status.is_all_sent and status.shipped is not None:
         done = status.shipped

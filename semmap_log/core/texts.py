@@ -58,7 +58,7 @@ def brief(text: str) -> str:
 
 MOST_KEPT = 20
 """So many of a kind are kept."""
-MOST_TOLD = 3
+MOST_LISTED = 3
 """So many of a kind are shown where there are many."""
 
 
@@ -73,7 +73,7 @@ class Kind:
 
     def rest(self) -> list[str]:
         """Return in words how many more there are than are shown; nothing if there are none."""
-        more = self.count - MOST_TOLD
+        more = self.count - MOST_LISTED
         last = f", the last on line {self.last_line}" if self.last_line else ""
         return [f"… and {more:,} more like that{last}"] * (more > 0)
 
@@ -120,11 +120,11 @@ def _without_values(text: str) -> str:
     return _VALUES.sub("…", text)
 
 
-def told_once(texts: Iterable[str]) -> Iterator[str]:
+def deduplicated(texts: Iterable[str]) -> Iterator[str]:
     """Yield texts; of those that are the same but for their values the first ones and a count."""
     found = Repeats()
     for text in texts:
         found.add(0, text)
     for kind in found:
-        yield from (text for _, text in kind.kept[:MOST_TOLD])
+        yield from (text for _, text in kind.kept[:MOST_LISTED])
         yield from kind.rest()

@@ -8,7 +8,7 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-from semmap_log.core.io.disk import whole_folder
+from semmap_log.core.io.disk import atomic_folder
 from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import UrlPath
@@ -19,11 +19,11 @@ from semmap_log.errors import (
     OutputError,
     SemmapError,
 )
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.store.bag_metadata import write_bag_metadata
+from semmap_log.store.byte_layout import MANIFEST_NAME, segment_name
 from semmap_log.store.closed_mark import write_mark
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import MANIFEST_NAME, segment_name
 from semmap_log.store.manifest import Manifest, ShippedSegment, read_manifest
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import statistics_of
@@ -71,7 +71,7 @@ def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetch
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         _check_room(url, folder, total)
-        with whole_folder(folder) as part:
+        with atomic_folder(folder) as part:
             part.mkdir()
             done = 0
             for segment in manifest.segments:

@@ -173,7 +173,7 @@ def _remove(
     Raises:
         OSError: As the system says; the folder holds the log.
     """
-    folder.remove_leftovers()
+    folder.remove_stale_files()
     if not old:
         return RemovedHere(0, 0)
     files = (
@@ -182,7 +182,7 @@ def _remove(
     kept = 0
     for segment, shipped in old:
         data = kept_bytes(segment, shipped)
-        folder.write_whole(kept_name(segment.path.name), [data])
+        folder.write_atomic(kept_name(segment.path.name), [data])
         files[segment.path.name] = hashlib.sha256(data).hexdigest(), shipped
         kept += len(data)
     in_order = sorted(files.items(), key=lambda item: item[1][1].header.number)

@@ -16,14 +16,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from semmap_log.core.io.made_logs import refuse_made
 from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import UrlPath
+from semmap_log.core.io.virtual_logs import check_not_virtual
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import LogAccessError, LogError
+from semmap_log.store.byte_layout import MANIFEST_NAME, MOST_LIST_BYTES
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import MANIFEST_NAME, MOST_LIST_BYTES
 from semmap_log.store.manifest import (
     KeptManifest,
     Manifest,
@@ -81,7 +81,7 @@ def ship(log: Path, place: UrlPath | ObjectStore, progress: Progress | None = No
         CorruptLogError: The log, or its copy in the store, is damaged.
         MissingExtraError: A package for stores is not installed.
     """
-    refuse_made(log)
+    check_not_virtual(log)
     reader = LogReader(LogFolder(log))
     store = place if isinstance(place, ObjectStore) else ObjectStore(place)
     shipping = _Shipping(store, reader.segments, progress)

@@ -14,8 +14,7 @@ from mcap.records import Statistics
 
 from semmap_log.core.lazily import late_pattern
 from semmap_log.core.messages import type_hash
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     BAG_METADATA_NAME,
     FLOOR_MAP_CHANNEL,
     FORMAT_MINOR,
@@ -25,6 +24,7 @@ from semmap_log.store.form import (
     topics,
     trimmed_topics,
 )
+from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.newer import NOTHING_NEWER, Newer, is_later_kind
 
@@ -53,11 +53,11 @@ class ClosedSegment:
             said.message_end_time,
             counts,
             header.minor,
-            header.newer if tells_of_newer(header, counts) else NOTHING_NEWER,
+            header.newer if may_hold_newer(header, counts) else NOTHING_NEWER,
         )
 
 
-def tells_of_newer(header: SegmentHeader, counts: Mapping[int, int]) -> bool:
+def may_hold_newer(header: SegmentHeader, counts: Mapping[int, int]) -> bool:
     """Return whether a segment's head is searched for topics that a later version has added."""
     return header.minor > FORMAT_MINOR or any(map(is_later_kind, counts))
 
@@ -74,7 +74,7 @@ def write_bag_metadata(folder: LogFolder, segments: Iterable[ClosedSegment]) -> 
     if listed:
         text = bag_metadata_text(listed).encode()
         if not _says(folder, text):
-            folder.write_whole(BAG_METADATA_NAME, [text])
+            folder.write_atomic(BAG_METADATA_NAME, [text])
     elif folder.has(BAG_METADATA_NAME):
         folder.remove(BAG_METADATA_NAME)
         folder.sync()

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.store.byte_layout import COMMIT_CHANNEL
 from semmap_log.store.chunks import NO_SPAN, BuiltChunk, assemble_chunk, message_indexes
-from semmap_log.store.form import COMMIT_CHANNEL
 from semmap_log.store.record_runs import FEW, MOST, AnyRun, MixedRun, Span
 
 

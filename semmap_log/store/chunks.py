@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from semmap_log.core.io.checksum import crc32
 from semmap_log.store import records as mcap
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     COMPRESS_FROM_BYTES,
     FLOOR_MAP_CHANNEL,
     LAST_EVENT_CHANNEL,

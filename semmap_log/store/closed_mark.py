@@ -30,8 +30,14 @@ from typing import Any
 
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CorruptLogError
+from semmap_log.store.byte_layout import (
+    DIGEST_KEY,
+    HASH_BYTES,
+    OLD_MARK_NAME,
+    mark_name,
+    mark_names,
+)
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import DIGEST_KEY, HASH_BYTES, OLD_MARK_NAME, mark_name, mark_names
 
 MOST_BYTES = 4096
 """A mark has some 250."""
@@ -86,7 +92,7 @@ def write_mark(folder: LogFolder, mark: ClosedMark) -> None:
     Raises:
         OSError: As the system says.
     """
-    folder.write_whole(mark.file, [mark.text().encode()])
+    folder.write_atomic(mark.file, [mark.text().encode()])
     with suppress(OSError):  # they cost nothing but room
         for name in _superseded(folder, time.time()):
             folder.remove(name)

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from semmap_log.core.messages import layout
 from semmap_log.store import records as mcap
+from semmap_log.store.byte_layout import COMMAND_ATTACHMENT, COMMIT_CHANNEL, TOMBSTONE_CHANNEL
 from semmap_log.store.chunks import BuiltChunk
-from semmap_log.store.form import COMMAND_ATTACHMENT, COMMIT_CHANNEL, TOMBSTONE_CHANNEL
 
 COMMAND_ID_BYTES = 16
 MEDIA_TYPE = "application/octet-stream"

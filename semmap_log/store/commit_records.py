@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from mcap.opcode import Opcode
 
+from semmap_log.core.batches.columnar_events import ColumnarEvents
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.batches.taken_columns import TakenColumns
 from semmap_log.core.messages import (
     CDR_HEADER,
     OBJECT_KINDS,
@@ -25,9 +25,7 @@ from semmap_log.core.model.commits import NO_CONTENT, Commit, Durability, Note
 from semmap_log.core.model.events import DoorAnnotated, Event, FloorMap
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.store import records as mcap
-from semmap_log.store.chunk_builder import ChunkBuilder, kept_template
-from semmap_log.store.chunks import BuiltChunk
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     CHUNK_BYTES,
     COMMIT_CHANNEL,
     FLOOR_MAP_CHANNEL,
@@ -35,6 +33,8 @@ from semmap_log.store.form import (
     NO_HASH,
     NOTE_CHANNEL,
 )
+from semmap_log.store.chunk_builder import ChunkBuilder, kept_template
+from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.record_runs import (
     MOST,
     Run,
@@ -100,14 +100,14 @@ class Stamp:
 @cache
 def _commit_packing() -> tuple[Callable[..., bytes], int]:
     """Return what packs a whole Commit record, and its length field."""
-    packer = layout("Commit").packer_behind(mcap.MESSAGE)
+    packer = layout("Commit").packer_after(mcap.MESSAGE)
     return packer.pack, packer.size - mcap.FRAME.size
 
 
 @cache
 def _commit_run() -> Run:
     """Return the run of one Commit record."""
-    return plain_run(COMMIT_CHANNEL, 1, layout("Commit").packer_behind(mcap.MESSAGE).size)
+    return plain_run(COMMIT_CHANNEL, 1, layout("Commit").packer_after(mcap.MESSAGE).size)
 
 
 class CommitBuilder:
@@ -267,7 +267,7 @@ def _single_run(events: Iterable[Event | EventBatch]) -> Sequence[Event] | Event
     if isinstance(first, EventBatch):
         is_one = len(events) == 1 and 0 < len(first) <= MOST and len(first.columns) == 1
         return first if is_one and is_columns(first) else None
-    kinds = events.kinds if isinstance(events, TakenColumns) else set(map(type, events))
+    kinds = events.kinds if isinstance(events, ColumnarEvents) else set(map(type, events))
     return None if len(kinds) > 1 or first.kind in OBJECT_KINDS else events
 
 

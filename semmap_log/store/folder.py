@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from semmap_log.core.io.disk import FOLDER, NO_LINK, PLAIN, TEMPORARY_SUFFIX, check_can_write
-from semmap_log.core.io.made_logs import MadeLog, made_log, refuse_made
+from semmap_log.core.io.virtual_logs import VirtualLog, check_not_virtual, virtual_log
 from semmap_log.core.texts import command_line
 from semmap_log.errors import LogAccessError
-from semmap_log.store.form import LOCK_NAME, is_temporary
+from semmap_log.store.byte_layout import LOCK_NAME, is_temporary
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
@@ -53,7 +53,7 @@ class LogFolder:
     """A folder in which a log lies, or will."""
 
     def __init__(
-        self, path: Path, fd: int | None = None, name: str = "", *, made: MadeLog | None = None
+        self, path: Path, fd: int | None = None, name: str = "", *, made: VirtualLog | None = None
     ) -> None:
         """Name a folder, or what a log is made of; `held` opens a folder, too.
 
@@ -70,7 +70,7 @@ class LogFolder:
         """As it was given: for messages."""
         self.given = Path(os.path.abspath(path))
         """Where it was when it was opened, whatever becomes of the working directory."""
-        self._elsewhere = made if made is not None or fd is not None else made_log(path)
+        self._elsewhere = made if made is not None or fd is not None else virtual_log(path)
         self.absolute = self.given if self._elsewhere is None else self._elsewhere.path
         """Where its files are: elsewhere, if they were made."""
         self._fd = fd
@@ -87,7 +87,7 @@ class LogFolder:
             LogAccessError: It is no folder, or this system lacks what writing needs.
             OSError: As the system says.
         """
-        refuse_made(path)
+        check_not_virtual(path)
         check_can_write(path)
         fd = os.open(path, os.O_RDONLY | FOLDER | PLAIN)
         return cls(path, fd, path.resolve().name)
@@ -265,7 +265,7 @@ class LogFolder:
         os.replace(self._at(temporary), self._at(name), src_dir_fd=self._fd, dst_dir_fd=self._fd)
         self.sync()
 
-    def write_whole(self, name: str, data: Iterable[Buffer]) -> None:
+    def write_atomic(self, name: str, data: Iterable[Buffer]) -> None:
         """Put a file of these blocks in place of what has the name, whole or not at all, synced.
 
         Raises:
@@ -308,7 +308,7 @@ class LogFolder:
         """
         _synced(self.open_to_read(name))
 
-    def remove_leftovers(self) -> None:
+    def remove_stale_files(self) -> None:
         """Remove the temporary files of writers that were killed; only for who holds the lock.
 
         Raises:

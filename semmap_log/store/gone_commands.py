@@ -39,7 +39,7 @@ from semmap_log.core.model.commits import (
 from semmap_log.core.model.events import DoorAnnotated, Event, FloorMap, RobotPose
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
-from semmap_log.store.form import COMMIT_CHANNEL, HASH_BYTES, NO_HASH, TOMBSTONE_CHANNEL
+from semmap_log.store.byte_layout import COMMIT_CHANNEL, HASH_BYTES, NO_HASH, TOMBSTONE_CHANNEL
 from semmap_log.store.header import TrimReason
 
 _CODE_BYTES = 7
@@ -349,7 +349,7 @@ def read_tombstone(record: bytes | memoryview, path: PurePath) -> Tombstone:
 
 
 @dataclass(slots=True)
-class TakenOut:
+class TombstoneSum:
     """The sum of what the tombstones of a log state."""
 
     events: int = 0

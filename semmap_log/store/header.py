@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from semmap_log.core.io.inflating import inflated
 from semmap_log.core.model.moments import USUAL_HOLDS
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     DIGEST_KEY,
     FORMAT_MINOR,
     FORMAT_VERSION,

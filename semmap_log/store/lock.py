@@ -22,8 +22,8 @@ from typing import Any
 
 from semmap_log.core.io.lock_holders import is_held_by_strangers
 from semmap_log.errors import LogAccessError, LogLockedError
+from semmap_log.store.byte_layout import LOCK_NAME, NEW_LOCK_NAME
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import LOCK_NAME, NEW_LOCK_NAME
 
 try:
     import fcntl
@@ -56,16 +56,16 @@ class WriterLock:
             self._lock_folder(folder, is_new=is_new)
         except BlockingIOError:
             holder = _holder(folder)
-            self._let_go()
+            self._release()
             raise LogLockedError(
                 f"{folder.path}: {holder} is writing to this log; a log has one writer at a time. "
                 f"Reading works; to write, stop that one first.{self._remedy}"
             ) from None
         except LogAccessError:
-            self._let_go()
+            self._release()
             raise
         except OSError as error:
-            self._let_go()
+            self._release()
             raise LogAccessError(
                 f"{folder.path}: cannot be opened for writing: {error.strerror}. "
                 "Reading works; to write, copy the log to a place of your own."
@@ -81,7 +81,7 @@ class WriterLock:
             for fd in reversed(self._fds):
                 with suppress(OSError):
                     fcntl.flock(fd, fcntl.LOCK_UN)  # a child may still have the file open
-        self._let_go()
+        self._release()
 
     def _lock_file(self, folder: LogFolder) -> bool:
         """Lock the lock file; return whether it was made now.
@@ -181,7 +181,7 @@ class WriterLock:
         self._fds.remove(fd)
         os.close(fd)
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         while self._fds:
             os.close(self._fds.pop())
 

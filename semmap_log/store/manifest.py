@@ -23,8 +23,7 @@ from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.lazily import late_pattern
 from semmap_log.errors import CorruptLogError, NewerLogError
 from semmap_log.store.bag_metadata import listed_names
-from semmap_log.store.closed_mark import ClosedMark, sealed, unsealed
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     BAG_METADATA_NAME,
     HASH_BYTES,
     MANIFEST_NAME,
@@ -33,6 +32,7 @@ from semmap_log.store.form import (
     OLD_MARK_NAME,
     count_events,
 )
+from semmap_log.store.closed_mark import ClosedMark, sealed, unsealed
 from semmap_log.store.header import LATER_SETTINGS, LogInfo, SegmentHeader, Trimmed, TrimReason
 
 _WORDS = {
@@ -87,7 +87,7 @@ def log_objects(store: ObjectStore) -> list[ObjectStatus]:
     listed = store.list()
     if listed or not store.is_web_server:
         return listed
-    return _asked_for(store, (*listed_names(metadata_text(store)), OLD_MARK_NAME))
+    return _statuses_of(store, (*listed_names(metadata_text(store)), OLD_MARK_NAME))
 
 
 def objects_named(store: ObjectStore, names: Sequence[str]) -> list[ObjectStatus]:
@@ -97,12 +97,12 @@ def objects_named(store: ObjectStore, names: Sequence[str]) -> list[ObjectStatus
         LogAccessError: The store does not let us.
     """
     if store.is_web_server:
-        return _asked_for(store, names)
+        return _statuses_of(store, names)
     wanted = set(names)
     return [status for status in store.list() if status.name in wanted]
 
 
-def _asked_for(store: ObjectStore, names: Sequence[str]) -> list[ObjectStatus]:
+def _statuses_of(store: ObjectStore, names: Sequence[str]) -> list[ObjectStatus]:
     found = []
     for name in names:
         with suppress(FileNotFoundError):

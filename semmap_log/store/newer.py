@@ -1,7 +1,7 @@
 """What a later minor version has put at the head of a segment: kinds of events unknown here.
 
 They are kept as bytes, so that whoever rewrites the segment keeps them. What such a version may
-add, and what it guarantees, is stated in `form`.
+add, and what it guarantees, is stated in `byte_layout`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from mcap.opcode import Opcode
 
 from semmap_log.core.model.events import KINDS
 from semmap_log.store import records as mcap
-from semmap_log.store.form import CHANGES_KEY, LAST_EVENT_CHANNEL, NOTHING
+from semmap_log.store.byte_layout import CHANGES_KEY, LAST_EVENT_CHANNEL, NOTHING
 
 MOST_NAME_CHARACTERS = 100
 """Of a kind: a stranger's log must not fill the screen."""

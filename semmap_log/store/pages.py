@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.core.batches.columnar_events import LazyColumns, places_by_kind
 from semmap_log.core.batches.event_batch import EventBatch, SourcesOf, distinct
-from semmap_log.core.batches.taken_columns import LazyColumns, places_by_kind
 from semmap_log.core.lazily import computed_once
 from semmap_log.core.loops import compiled
 from semmap_log.core.messages import decode, fixed_layout, layout, read_message, type_name
@@ -40,7 +40,7 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     ABOUT_A_DOOR,
     COMMIT_CHANNEL,
     FIXED_KINDS,
@@ -62,7 +62,7 @@ from semmap_log.store.record_scan import (
     ScannedChunks,
     ScannedRecords,
     gather,
-    gather_behind,
+    gather_after,
     heads_of,
     walk,
 )
@@ -265,7 +265,7 @@ class Page:
         return [self._payload(i) for i in chosen]
 
     def _rows(self, kind: int, places: NDArray[np.intp]) -> NDArray[np.void]:
-        return gather_behind(
+        return gather_after(
             self.records, self.offsets, mcap.MESSAGE.size, places, fixed_layout(kind).dtype
         )
 
@@ -466,12 +466,12 @@ def bits_of_counts(counts: Mapping[int, int]) -> int:
     return sum({_bit_of_channel(channel) for channel, count in counts.items() if count})
 
 
-def bits_of_kinds(kinds: Iterable[type[Event]]) -> int:
+def kinds_mask(kinds: Iterable[type[Event]]) -> int:
     """Return the bits of these kinds of events together."""
     return sum({_bit_of_kind(kind.kind) for kind in kinds})
 
 
-EXPIRING_BITS = bits_of_kinds(EXPIRING)
+EXPIRING_BITS = kinds_mask(EXPIRING)
 
 
 def kinds_of_bits(bits: int) -> list[int]:

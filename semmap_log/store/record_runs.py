@@ -18,8 +18,8 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
+from semmap_log.core.batches.columnar_events import NO_TIME, ColumnarEvents
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.batches.taken_columns import NO_TIME, TakenColumns
 from semmap_log.core.messages import (
     CDR_HEADER,
     OBJECT_KINDS,
@@ -75,7 +75,7 @@ class EventRun(Run):
         one = [self._head, 0, 0, 0, CDR_HEADER, *[0] * len(fixed.fields)]
         self._width = len(one)
         self._is_few = count <= FEW
-        self._pack = fixed.packer_behind(_HEAD, 1 if self._is_few else count).pack
+        self._pack = fixed.packer_after(_HEAD, 1 if self._is_few else count).pack
         self._values_of_many: list[Any] = [] if self._is_few else one * count
         """What is packed; its zeros are set for each run."""
 
@@ -107,7 +107,7 @@ class EventRun(Run):
         values[2::width] = range(time, time + self.count)
         values[3::width] = happened
         columns = enumerate(self._columns, 5)
-        if isinstance(events, TakenColumns):
+        if isinstance(events, ColumnarEvents):
             next(columns)
             values[5::width] = events.door_ids
         for place, column in columns:
@@ -156,7 +156,7 @@ def run_of(
     """
     if isinstance(events, EventBatch):
         return _run_of_batch(events, start, wall_ns)
-    if isinstance(events, TakenColumns):
+    if isinstance(events, ColumnarEvents):
         happened, kinds = events.times_or(wall_ns), events.kinds
     else:
         happened = [wall_ns if e.happened_ns is None else e.happened_ns for e in events]

@@ -22,7 +22,7 @@ from semmap_log.core.loops import compiled
 from semmap_log.core.messages import CDR_HEADER
 from semmap_log.core.texts import counted
 from semmap_log.store import records as mcap
-from semmap_log.store.form import EventFields
+from semmap_log.store.byte_layout import EventFields
 
 FREE_CHUNK_BYTES = 128 * 2**20
 """So much a chunk may hold, however few bytes it is packed in: the longest event and note, which
@@ -427,7 +427,7 @@ def gather(
     return everywhere[offsets].view(dtype)
 
 
-def gather_behind(
+def gather_after(
     records: bytes | memoryview,
     offsets: NDArray[np.int64],
     ahead: int,

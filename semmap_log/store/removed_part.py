@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 
 from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.errors import CorruptLogError, LogError
+from semmap_log.store.byte_layout import KEPT_SUFFIX, MOST_LIST_BYTES, REMOVED_NAME
 from semmap_log.store.closed_mark import sealed, unsealed
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import KEPT_SUFFIX, MOST_LIST_BYTES, REMOVED_NAME
 
 if TYPE_CHECKING:
     from semmap_log.store.manifest import Manifest, ShippedSegment
@@ -120,7 +120,7 @@ def write_removed_part(folder: LogFolder, part: RemovedPart) -> None:
     Raises:
         OSError: As the system says.
     """
-    folder.write_whole(REMOVED_NAME, [part.text().encode()])
+    folder.write_atomic(REMOVED_NAME, [part.text().encode()])
 
 
 def rest_of_environment() -> UrlPath | None:

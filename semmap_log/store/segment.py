@@ -34,10 +34,7 @@ from semmap_log.core.io.reserved_blocks import ReservedBlocks
 from semmap_log.core.messages import schema_text, type_hash
 from semmap_log.store import records as mcap
 from semmap_log.store.bag_metadata import ClosedSegment
-from semmap_log.store.chunks import BuiltChunk, ChunkFacts
-from semmap_log.store.command_index import WrittenCommits, attachment
-from semmap_log.store.folder import LogFolder, Version, version_of
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     CHANGES_KEY,
     COMMIT_CHANNEL,
     FORMAT_MINOR,
@@ -53,6 +50,9 @@ from semmap_log.store.form import (
     topics,
     trimmed_topics,
 )
+from semmap_log.store.chunks import BuiltChunk, ChunkFacts
+from semmap_log.store.command_index import WrittenCommits, attachment
+from semmap_log.store.folder import LogFolder, Version, version_of
 from semmap_log.store.header import SegmentHeader, index_metadata
 
 

@@ -28,7 +28,7 @@ from semmap_log.views import column_table
 from semmap_log.views.belief_words import (
     CARRIED_OVER,
     labels_in,
-    moment_in_words,
+    moment_text,
     named,
     never_seen_lines,
     short_number,
@@ -244,7 +244,7 @@ def _evidence(belief: DoorBelief, tz: str) -> tuple[Cell, ...]:
 
 def _notes(beliefs: Sequence[DoorBelief], tz: str) -> list[str]:
     first = beliefs[0]
-    moment, known = (moment_in_words(ns, tz) for ns in (first.time_ns, first.known_ns))
+    moment, known = (moment_text(ns, tz) for ns in (first.time_ns, first.known_ns))
     when = moment if moment == known else f"{moment}, as known at {known}"
     key = "in brackets the 90 % interval; hours unseen: of the 168 of a week"
     notes = [f"at {when} ({tz}), by {first.estimator}; {key}"]

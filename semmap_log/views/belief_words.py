@@ -16,7 +16,7 @@ from semmap_log.analysis.probabilities.evidence.coverage import WEEK, spans_in_s
 from semmap_log.core.model.doors import Door
 from semmap_log.core.model.moments import format_short
 from semmap_log.core.texts import counted
-from semmap_log.log.door_log.summary import told_apart
+from semmap_log.log.door_log.summary import distinct_labels
 from semmap_log.views.event_words import printable
 
 MOST_GROUPS = 3
@@ -59,7 +59,7 @@ def why_unknown(evidence: EvidenceSummary) -> str:
     return f"too little seen: {said}, {evidence.coverage.days:.1f} days"
 
 
-def moment_in_words(ns: int, tz: str) -> str:
+def moment_text(ns: int, tz: str) -> str:
     """Return a moment as the building's clocks show it, to the second."""
     return format_short(ns, tz)
 
@@ -82,7 +82,7 @@ class BeliefTexts(Protocol):
 
 def labels_in(told: Sequence[BeliefTexts]) -> list[str]:
     """Return the doors' labels: level/name where several of them have the same name."""
-    labels = told_apart((each.door, each.level_name) for each in told)
+    labels = distinct_labels((each.door, each.level_name) for each in told)
     return [labels.get(each.door.door_id, each.door.label) for each in told]
 
 

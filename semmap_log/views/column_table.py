@@ -79,7 +79,7 @@ class Pair:
 
 
 @dataclass(frozen=True, slots=True)
-class BesideLayout:
+class PairLayout:
     """How pairs stand."""
 
     gap: int
@@ -90,7 +90,7 @@ class BesideLayout:
     """The least number of columns in which a text is folded next to its head."""
 
 
-def beside_or_below(pairs: Sequence[Pair], width: int, layout: BesideLayout) -> Group:
+def aligned_pairs(pairs: Sequence[Pair], width: int, layout: PairLayout) -> Group:
     """Return pairs in that width, no text cut; texts next to heads are aligned."""
     heads = max((w for p in pairs if (w := cell_len(p.head)) <= width // 2), default=0)
     room = width - heads - layout.gap
@@ -99,9 +99,9 @@ def beside_or_below(pairs: Sequence[Pair], width: int, layout: BesideLayout) -> 
         return cell_len(pair.head) <= heads and _has_room(str(pair.text), room, layout.readable)
 
     parts: list[RenderableType] = []
-    for is_beside, group in groupby(pairs, key=fits):
-        if is_beside:
-            parts.append(_beside(group, heads, room, layout.gap))
+    for is_next_to, group in groupby(pairs, key=fits):
+        if is_next_to:
+            parts.append(_next_to(group, heads, room, layout.gap))
         else:
             parts += _below(group, layout.indent)
     return Group(*parts)
@@ -114,7 +114,7 @@ def _has_room(text: str, room: int, readable: int) -> bool:
     return room >= readable and all(cell_len(word) <= room for word in text.split())
 
 
-def _beside(pairs: Iterable[Pair], heads: int, room: int, gap: int) -> Table:
+def _next_to(pairs: Iterable[Pair], heads: int, room: int, gap: int) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), show_header=False)
     table.add_column(width=heads, no_wrap=True)
     table.add_column(max_width=room, overflow="fold")
@@ -138,7 +138,7 @@ def _head(pair: Pair) -> Text:
 GAP = 1
 """Between two drawn columns."""
 UNBOUNDED = 2**30
-BELOW = BesideLayout(gap=GAP, indent=0, readable=16)
+BELOW = PairLayout(gap=GAP, indent=0, readable=16)
 """Of a row's cells that stand below each other."""
 
 
@@ -304,7 +304,7 @@ class ColumnTable:
                 if drawn_text(cells[place]):
                     head = _flat(self.columns[place].head or "")
                     pairs.append(Pair(head, _on_one_line(drawn_cell(cells[place])), style))
-        return beside_or_below(pairs, width, BELOW)
+        return aligned_pairs(pairs, width, BELOW)
 
     def __rich_console__(self, _: Console, options: ConsoleOptions) -> RenderResult:
         if self.rows:
@@ -362,7 +362,7 @@ def _flat(text: str) -> str:
     return text.replace("\n", " ")
 
 
-LAYOUT = BesideLayout(gap=2, indent=2, readable=40)
+LAYOUT = PairLayout(gap=2, indent=2, readable=40)
 
 
 class PairTable(ColumnTable):
@@ -374,7 +374,7 @@ class PairTable(ColumnTable):
     def fitted(self, width: int) -> tuple[RenderableType, list[str]]:
         """Return the pairs as rich draws them in that width; nothing is left out."""
         found = [Pair(drawn_text(name), drawn_cell(value)) for (name, value), _ in self.rows]
-        return beside_or_below(found, width, LAYOUT), []
+        return aligned_pairs(found, width, LAYOUT), []
 
 
 def pairs(rows: Iterable[tuple[str, Cell]] = ()) -> PairTable:
@@ -385,6 +385,6 @@ def pairs(rows: Iterable[tuple[str, Cell]] = ()) -> PairTable:
     return table
 
 
-def add_pair(table: PairTable, name: str, value: Cell, *, told_name: str | None = None) -> None:
+def add_pair(table: PairTable, name: str, value: Cell, *, machine_name: str | None = None) -> None:
     """Add a name and a value; programs get another name if the drawn one is too short alone."""
-    table.add(name if told_name is None else CellValue(name, told_name), value)
+    table.add(name if machine_name is None else CellValue(name, machine_name), value)

@@ -460,7 +460,7 @@ class LabelPlaces:
         """
         for distance in distances:
             for angle in _turns(across):
-                box = _beside(at, size, distance, angle)
+                box = _next_to(at, size, distance, angle)
                 if self._is_free(box):
                     left, top, right, bottom = box
                     self._taken[top:bottom, left:right] = True
@@ -483,7 +483,7 @@ def _turns(across: float) -> list[float]:
     ]
 
 
-def _beside(at: Point, size: tuple[int, int], distance: float, angle: float) -> Box:
+def _next_to(at: Point, size: tuple[int, int], distance: float, angle: float) -> Box:
     """Return the label's box, so that its edge is that far from the point in that direction."""
     (x, y), (width, height) = at, size
     cos, sin = math.cos(angle), math.sin(angle)

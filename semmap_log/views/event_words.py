@@ -106,7 +106,7 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
-def state_told_by(event: Event) -> DoorState | None:
+def reported_state(event: Event) -> DoorState | None:
     """Return the state that an event gives to its door; None: it leaves the state alone."""
     return event.values_set().get("state")
 

@@ -11,7 +11,7 @@ from typing import Any
 from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.core.model.moments import format_utc
 from semmap_log.core.texts import counted
-from semmap_log.fleet.jobs.job import AskedLog
+from semmap_log.fleet.jobs.job import QueriedLog
 from semmap_log.views.column_table import ColumnTable, TableColumn
 
 HIDDEN = ("log_id", "robot", "building")
@@ -22,7 +22,7 @@ SECONDS = len("2026-03-01T12:00:00")
 """Characters of a time that are shown."""
 
 
-def bad_logs_table(logs: Iterable[AskedLog]) -> ColumnTable:
+def bad_logs_table(logs: Iterable[QueriedLog]) -> ColumnTable:
     """Return a row for each log that gave no answer: which, why, where."""
     table = ColumnTable(
         [
@@ -39,7 +39,7 @@ def bad_logs_table(logs: Iterable[AskedLog]) -> ColumnTable:
     return table
 
 
-def outcomes_in_words(logs: Iterable[AskedLog]) -> str:
+def outcomes_text(logs: Iterable[QueriedLog]) -> str:
     """Return the number of logs by their outcome: `40 logs: 38 ok, 2 gone`."""
     logs = list(logs)
     found = Counter(log.outcome.value for log in logs)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pathlib import PurePath
 
     from semmap_log.log.signing.signed_log import SignedVerification
-    from semmap_log.store.salvage import Loss, Recovered, RecoveryPlan
+    from semmap_log.store.repairing import Loss, Recovered, RecoveryPlan
 
 
 NAME_WIDTH = 14
@@ -196,7 +196,7 @@ def pasteable(text: Text) -> Text:
     return text
 
 
-def events_in_words(events: tuple[int, int | None]) -> str:
+def events_text(events: tuple[int, int | None]) -> str:
     """Return which events, in words."""
     first, last = events
     if last is None:
@@ -223,7 +223,7 @@ def _finding(finding: Finding) -> list[RenderableType]:
         where.append(f", byte {finding.offset}")
     if finding.events is not None:
         lost = " lost" if name == "DAMAGE" else ""
-        where.append(f", {events_in_words(finding.events)}{lost}")
+        where.append(f", {events_text(finding.events)}{lost}")
     return [where, Padding(plain_text(finding.text), (0, 0, 0, 8), expand=False)]
 
 
@@ -299,7 +299,7 @@ def _loss(loss: Loss, tz: str) -> list[RenderableType]:
         for word, ns in (("after", loss.after_ns), ("before", loss.before_ns))
         if ns is not None
     ]
-    events = events_in_words((loss.first_event, loss.last_event))
+    events = events_text((loss.first_event, loss.last_event))
     head = Text.assemble(("lost", "red"), f"  {events}, recorded {' and '.join(span)}".rstrip())
     why = [
         Padding(plain_text(f"{', '.join(loss.files)}: {text}"), (0, 0, 0, 6), expand=False)

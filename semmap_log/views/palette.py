@@ -47,7 +47,7 @@ def ink_on(colour: Rgb) -> Rgb:
     return BLACK if 0.299 * red + 0.587 * green + 0.114 * blue > 128 else WHITE
 
 
-BESIDE_CELLS = 9
+ADJACENT_CELLS = 9
 """Rooms within this distance are adjacent: only a wall lies between them."""
 MOST_CELLS = 4_000_000
 
@@ -86,7 +86,7 @@ def sampled(rooms: LevelRooms, most_cells: int) -> NDArray[np.int64]:
 
 def room_tints(labels: NDArray[np.int64]) -> dict[RoomId, int]:
     """Return the number of each room's tint, for a picture of rooms."""
-    beside = _beside(labels)
+    beside = _next_to(labels)
     tints: dict[RoomId, int] = {}
     for room in sorted(beside):
         taken = {tints[other] for other in beside[room] if other in tints}
@@ -95,10 +95,10 @@ def room_tints(labels: NDArray[np.int64]) -> dict[RoomId, int]:
     return tints
 
 
-def _beside(labels: NDArray[np.int64]) -> dict[RoomId, set[RoomId]]:
+def _next_to(labels: NDArray[np.int64]) -> dict[RoomId, set[RoomId]]:
     """Return the rooms adjacent to each room: a few cells away along a row or a column."""
     found: dict[RoomId, set[RoomId]] = {int(room): set() for room in np.unique(labels) if room}
-    for gap in range(1, BESIDE_CELLS + 1):
+    for gap in range(1, ADJACENT_CELLS + 1):
         for one, other in ((labels[gap:], labels[:-gap]), (labels[:, gap:], labels[:, :-gap])):
             differ = (one != other) & (one > 0) & (other > 0)
             pairs = np.unique(np.stack([one[differ], other[differ]]), axis=1)

@@ -133,7 +133,7 @@ def step_line(step: RoundStep, tz: str) -> str:
     begun = f"{format_short(step.at_ns, tz)}  {printable(step.because)}"
     if step.stop is None:
         return f"{begun}. {OVER[0].upper()}{OVER[1:]}."
-    return f"{begun}. Next: {_stop_in_words(step.stop, tz)}; {step.left} left"
+    return f"{begun}. Next: {_stop_text(step.stop, tz)}; {step.left} left"
 
 
 def over_line(round_: FollowedRound) -> str:
@@ -143,7 +143,7 @@ def over_line(round_: FollowedRound) -> str:
     return f"{said}; not visited: {named(left)}" if left else said
 
 
-def _stop_in_words(stop: PlannedStop, tz: str) -> str:
+def _stop_text(stop: PlannedStop, tz: str) -> str:
     chance = with_interval(stop.p_passes, stop.low, stop.high) if stop.is_known else "UNKNOWN"
     arrives = format_short(stop.arrives_ns, tz).rpartition(" ")[2]
     where = printable(stop.target.name)

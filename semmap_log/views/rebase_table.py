@@ -142,12 +142,12 @@ def _row(stop: TripStop, tz: str) -> tuple[Cell, ...]:
         format_local(stop.arrives_ns, tz),
         chance,
         *numbers,
-        _in_words(stop, choice),
+        _phrase(stop, choice),
         *(_time(seconds) for seconds in (choice.wait_s, choice.ask_s, choice.round_s)),
     )
 
 
-def _in_words(stop: TripStop, choice: ShutDoorChoice) -> str:
+def _phrase(stop: TripStop, choice: ShutDoorChoice) -> str:
     if choice.best is AtShutDoor.WAIT and stop.wait_s is not None:
         return f"wait: {_duration(stop.wait_s)}"
     return choice.best.value

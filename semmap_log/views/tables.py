@@ -87,7 +87,7 @@ def door_table(door_map: DoorMap, *, tz: str) -> RenderableType:
             _text(door_map.level_name(door.level) if door.level in known else ABSENT),
             *(_number(getattr(door, name)) for name in ("x", "y", "theta", "width")),
             *([_text(door.object_class.name)] if door_map.classes else []),
-            state_in_words(door.state, door.object_class),
+            coloured_state(door.state, door.object_class),
             *(_number(getattr(door, name)) for name in ("prob_open", "prob_closed")),
             age(door.last_seen_ns, door_map.moment_ns),
             ABSENT if door.last_seen_ns is None else format_local(door.last_seen_ns, tz),
@@ -226,7 +226,7 @@ def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> ColumnTable:
     ])  # fmt: skip
     if entry.door_id is not None:
         add_pair(table, "door", _text(f"{entry.door_id} ({name})" if name else str(entry.door_id)))
-    for field in _telling_fields(entry.event):
+    for field in _given_fields(entry.event):
         add_pair(table, field, _value(getattr(entry.event, field)))
     for change in entry.changes:
         if not _is_absent(change.before):
@@ -241,7 +241,7 @@ def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> ColumnTable:
     return table
 
 
-def _telling_fields(event: Event) -> Iterator[str]:
+def _given_fields(event: Event) -> Iterator[str]:
     """Yield the fields of an event that have a value."""
     unset = PART_OF.keys() - event.values_set().keys() if isinstance(event, DoorUpdated) else set()
     for field in field_names(type(event)):
@@ -265,7 +265,7 @@ def summary_table(summary: LogSummary) -> RenderableType:
     add_pair(table, "events", CellValue(events, str(summary.events)))
     for kind, count in summary.counts.items():
         add_pair(
-            table, "", CellValue(f"{count:>9,} {kind}", str(count)), told_name=f"events: {kind}"
+            table, "", CellValue(f"{count:>9,} {kind}", str(count)), machine_name=f"events: {kind}"
         )
     for name, span in (("happened", summary.happened_ns), ("recorded", summary.recorded_ns)):
         if span is not None:
@@ -274,7 +274,7 @@ def summary_table(summary: LogSummary) -> RenderableType:
         levels = (f"{level} {count:,}" for level, count in summary.durability.items())
         add_pair(table, "durability", ", ".join(levels))
     size = f"{_size(summary.bytes)} in {counted(len(summary.segments), 'file')}"
-    add_pair(table, "size", CellValue(size, str(summary.bytes)), told_name="bytes")
+    add_pair(table, "size", CellValue(size, str(summary.bytes)), machine_name="bytes")
     if summary.index is not None:
         add_pair(table, "index", _index_words(summary.index, summary.segments[0].path.parent))
     for name, text in _personal_words(summary.personal):
@@ -471,7 +471,7 @@ def _short(value: object, of: ObjectClass = DOOR) -> str:
     return f"{value:.2f}" if isinstance(value, float) else str(value)
 
 
-def state_in_words(state: DoorState, of: ObjectClass = DOOR) -> Text:
+def coloured_state(state: DoorState, of: ObjectClass = DOOR) -> Text:
     """Return a state's name, in its colour."""
     return Text(printable(of.word(state)), style=STATE_COLOURS.get(state, OTHER_STATE_COLOUR))
 
@@ -482,7 +482,7 @@ def _number(value: float) -> str:
 
 def _value(value: object, of: ObjectClass = DOOR) -> Cell:
     if isinstance(value, DoorState):
-        return state_in_words(value, of)
+        return coloured_state(value, of)
     if isinstance(value, float):
         return _number(value)
     if isinstance(value, bytes):
@@ -502,7 +502,7 @@ def _who(door: Door) -> tuple[Cell, Cell, Cell]:
 
 def _door_in_short(door: Door) -> Text:
     place = f" at {door.x:.3f}, {door.y:.3f}" if door.is_placed else ""
-    return state_in_words(door.state, door.object_class).append(place, style="default")
+    return coloured_state(door.state, door.object_class).append(place, style="default")
 
 
 def _names(found: Diff) -> Names:

@@ -26,7 +26,7 @@ from semmap_log.core.model.doors import DOOR, DoorId, DoorState, ObjectClass
 from semmap_log.core.model.moments import SECOND_NS, duration, format_local, format_short
 from semmap_log.core.texts import counted, percent
 from semmap_log.log.door_log.explanation import Explanation, StateReason
-from semmap_log.views.belief_words import moment_in_words, why_unknown, with_interval
+from semmap_log.views.belief_words import moment_text, why_unknown, with_interval
 from semmap_log.views.column_table import (
     Cell,
     CellValue,
@@ -43,7 +43,7 @@ from semmap_log.views.tables import (
     LATE_NS,
     OTHER_STATE_COLOUR,
     STATE_COLOURS,
-    state_in_words,
+    coloured_state,
     taken_back,
     values_before,
 )
@@ -113,7 +113,7 @@ def _wait(found: BestTime) -> str:
 def _notes(found: BestTime) -> list[str]:
     now = found.now
     said = with_interval(now.p_open, now.low, now.high) if now.is_known else "UNKNOWN"
-    notes = [f"now, {moment_in_words(now.known_ns, found.tz)} ({found.tz}): P(open) {said}"]
+    notes = [f"now, {moment_text(now.known_ns, found.tz)} ({found.tz}): P(open) {said}"]
     if found.wait_s is not None:
         notes.append(f"expected wait until {found.state}: {_wait(found)}")
     if found.never_seen.any():
@@ -157,15 +157,15 @@ class _Rows:
         self.table: PairTable = pairs()
         self._told = told
         self._tz = tz
-        self._of = _class_told(told)
+        self._of = _class_explained(told)
         self._day = format_short(told.time_ns, tz).partition(" ")[0]
 
     def add(self, name: str, value: Callable[[When], Text], *, under: str = "") -> None:
         """Add a row; programs see a row under another by both names."""
         drawn, full = value(self.drawn), value(lambda ns: format_local(ns, self._tz))
-        told_name = f"{under}: {name}" if under else name
+        machine_name = f"{under}: {name}" if under else name
         label = f"  {name}" if under and name else name
-        add_pair(self.table, label, CellValue(drawn, full.plain), told_name=told_name)
+        add_pair(self.table, label, CellValue(drawn, full.plain), machine_name=machine_name)
 
     def add_state(self, name: str, known: StateReason) -> None:
         """Add a state, the event that began it, and the last event that reported it."""
@@ -195,7 +195,7 @@ class _Rows:
         return " to ".join(both)
 
 
-def _class_told(told: Explanation) -> ObjectClass:
+def _class_explained(told: Explanation) -> ObjectClass:
     """Return the class of the object that the explanation is about."""
     door = told.true.door or told.believed.door
     return DOOR if door is None else door.object_class
@@ -219,7 +219,7 @@ def _state(known: StateReason, told: Explanation, when: When) -> Text:
     assert known.since_ns is not None, "a door that is there has a state since some time"
     lasted = _length(told.time_ns - known.since_ns)
     said = f" since {when(known.since_ns)}, for {lasted}"
-    return _coloured(known.state, _class_told(told)).append(said)
+    return _coloured(known.state, _class_explained(told)).append(said)
 
 
 def _coloured(state: DoorState, of: ObjectClass, said: str = "") -> Text:
@@ -270,12 +270,12 @@ def _add_believed(rows: _Rows, told: Explanation) -> None:
     else:
         rows.add_state("believed", told.believed)
     if (wrong := told.taken_back) is not None:
-        rows.add("because", lambda when: _was_taken_back(told, wrong, when), under="believed")
+        rows.add("because", lambda when: _was_retracted(told, wrong, when), under="believed")
     if (late := told.told_since) is not None:
-        rows.add("because", lambda when: _was_told_late(late, when), under="believed")
+        rows.add("because", lambda when: _recorded_late(late, when), under="believed")
 
 
-def _was_taken_back(told: Explanation, wrong: HistoryEntry, when: When) -> Text:
+def _was_retracted(told: Explanation, wrong: HistoryEntry, when: When) -> Text:
     by = told.retractions[wrong.retracted_by or 0]
     return Text(
         f"event {wrong.number} was taken back later, at {when(by.recorded_ns)} by event "
@@ -283,7 +283,7 @@ def _was_taken_back(told: Explanation, wrong: HistoryEntry, when: When) -> Text:
     )
 
 
-def _was_told_late(late: HistoryEntry, when: When) -> Text:
+def _recorded_late(late: HistoryEntry, when: When) -> Text:
     after = _length(late.recorded_ns - late.folds_ns)
     return Text(
         f"event {late.number} was recorded later, at {when(late.recorded_ns)}, {after} after it "
@@ -303,7 +303,7 @@ def _add_otherwise(rows: _Rows, told: Explanation) -> None:
     name = OTHERS
     for entry in told.otherwise:
         if entry in shown:
-            _add_one_otherwise(rows, name, entry, _class_told(told))
+            _add_one_otherwise(rows, name, entry, _class_explained(told))
             name = ""
     if len(told.otherwise) > len(shown):
         more = f"… and {len(told.otherwise) - len(shown)} more, farther away; --json has all"
@@ -327,7 +327,7 @@ def _p_open(told: Explanation) -> Text:
         why = f": {why_unknown(belief.evidence)}" if isinstance(belief, DoorBelief) else ""
         return Text(f"UNKNOWN{why}", style=OTHER_STATE_COLOUR)
     likely = DoorState.OPEN if belief.p_open >= LIKELY else DoorState.CLOSED
-    of = _class_told(told)
+    of = _class_explained(told)
     said = _coloured(likely, of, _number(belief.p_open))
     if _number(belief.low) != _number(belief.high):
         said.append(f", with 90 % certainty {belief.low:.2f} to {belief.high:.2f}")
@@ -344,7 +344,7 @@ def _number(probability: float) -> str:
 
 def _next(told: Explanation, when: When) -> Text:
     """Return what came after."""
-    change, of = told.next, _class_told(told)
+    change, of = told.next, _class_explained(told)
     if change is not None:
         named = Text("removed") if change.state is None else _coloured(change.state, of)
         later = _length(change.time_ns - told.time_ns)
@@ -463,7 +463,7 @@ def _said(evaluation: Evaluation) -> str:
     after = f"{counted(tests, unit)} after the first {evaluation.protocol.split:.0%}"
     lines = [
         f"{counted(len(evaluation.doors), 'door')}, {after}; mean over doors, {BEST} best",
-        known_in_words(evaluation),
+        known_text(evaluation),
     ]
     if evaluation.left_out:
         lines.append(
@@ -472,7 +472,7 @@ def _said(evaluation: Evaluation) -> str:
     return "\n".join(lines)
 
 
-def known_in_words(evaluation: Evaluation) -> str:
+def known_text(evaluation: Evaluation) -> str:
     """Return the knowledge at each forecast: `known at each forecast: all up to 1 h before it`."""
     protocol = evaluation.protocol
     what = "all"
@@ -481,10 +481,10 @@ def known_in_words(evaluation: Evaluation) -> str:
             f"what a visit each {duration(patrol.interval_ns)} read, right "
             f"{percent(patrol.accuracy)} of the time (seed {patrol.seed}),"
         )
-    return f"known at each forecast: {what} up to {_until_in_words(evaluation)}"
+    return f"known at each forecast: {what} up to {_until_text(evaluation)}"
 
 
-def _until_in_words(evaluation: Evaluation) -> str:
+def _until_text(evaluation: Evaluation) -> str:
     protocol = evaluation.protocol
     earlier = f"{duration(protocol.horizon_ns)} before it" if protocol.horizon_ns else ""
     if protocol.prequential:
@@ -539,10 +539,10 @@ def timeline_totals(timeline: Timeline, *, tz: str, of: ObjectClass = DOOR) -> T
         said += f", not since {format_local(since_ns, tz)}"
     end = format_local(int(timeline.end_ns[-1]), tz)
     ending = "removed at" if timeline.removed else "up to"
-    return Text(f"{said}\n{hold_in_words(timeline.hold)}\n{ending} {end} ({tz})", style="dim")
+    return Text(f"{said}\n{hold_text(timeline.hold)}\n{ending} {end} ({tz})", style="dim")
 
 
-def hold_in_words(hold: Hold | None) -> str:
+def hold_text(hold: Hold | None) -> str:
     """Return how long a sighting of a door holds, and why."""
     if hold is None:
         return "a sighting holds until the next report"
@@ -563,7 +563,7 @@ def _page(intervals: list[Interval], of: ObjectClass, *, tz: str, show_header: b
             *(CellValue(_drawn_time(ns, tz), format_local(ns, tz)) for ns in ends),
             duration(interval.duration_ns),
             f"{interval.duration_ns / SECOND_NS:.3f}",
-            state_in_words(interval.state, of),
+            coloured_state(interval.state, of),
             str(interval.sightings),
             str(interval.event),
             _not_seen(interval),

@@ -17,7 +17,7 @@ from semmap_log.analysis.beliefs.door_beliefs import TypicalWeek, WeekPattern
 from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, HOURS
 from semmap_log.views.belief_words import (
     interval,
-    moment_in_words,
+    moment_text,
     never_seen_lines,
     short_number,
     why_unknown,
@@ -53,7 +53,7 @@ def week_maps(weeks: Sequence[TypicalWeek]) -> RenderableType:
             parts += [_title(week), *_map(week, cell), Text()]
         return Group(*parts)
 
-    table = _told_table("weekday", "hour")
+    table = _machine_table("weekday", "hour")
     for week in weeks:
         for day, name in enumerate(DAY_NAMES):
             _tell(table, week, week.hours.taken(day), [(name, str(hour)) for hour in range(HOURS)])
@@ -72,7 +72,7 @@ def hour_rows(weeks: Sequence[TypicalWeek]) -> RenderableType:
             table.add(*_names(week), cells)
         return table
 
-    table = _told_table("hour")
+    table = _machine_table("hour")
     for week in weeks:
         _tell(table, week, week.by_hour(), [(str(hour),) for hour in range(HOURS)])
     return Group(TextPicture(drawn, table), *_notes(weeks))
@@ -108,7 +108,7 @@ def weekday_rows(weeks: Sequence[TypicalWeek]) -> RenderableType:
     def drawn(width: int) -> RenderableType:
         return _days_across(weeks) if width >= FULL_WIDTH else _days_below(weeks)
 
-    table = _told_table("weekday")
+    table = _machine_table("weekday")
     for week in weeks:
         _tell(table, week, week.by_weekday(), [(name,) for name in DAY_NAMES])
     return Group(TextPicture(drawn, table), *_notes(weeks, legend="P(open), and its 90 % interval"))
@@ -147,7 +147,7 @@ def _days_below(weeks: Sequence[TypicalWeek]) -> ColumnTable:
     return table
 
 
-def _told_table(*of: str) -> ColumnTable:
+def _machine_table(*of: str) -> ColumnTable:
     """Return the table for programs: a row a cell, whose place in the week `of` names."""
     names = ("door_id", "name", *of, "p_open", "low", "high")
     return ColumnTable([TableColumn(name) for name in names])
@@ -217,7 +217,7 @@ def _digit(probability: float) -> int:
 
 def _notes(weeks: Sequence[TypicalWeek], legend: str = LEGEND) -> list[Text]:
     first = weeks[0]
-    known = moment_in_words(first.known_ns, first.tz)
+    known = moment_text(first.known_ns, first.tz)
     notes = [legend, f"hours of {first.tz}, as known at {known}"]
     notes += never_seen_lines(weeks)
     return [Text(note, style="dim") for note in notes]

@@ -372,9 +372,9 @@ def test_help_is_a_list_for_a_person(
     """A question a line in a terminal; one line, as any answer, for a program."""
     address = f"unix:{tmp_path / 'doors'}"
     start(office, "--ask", address)
-    monkeypatch.setattr("semmap_log.cli.plain_streams.is_for_people", lambda: True)
+    monkeypatch.setattr("semmap_log.cli.sanitized_streams.is_for_people", lambda: True)
     lines = ask(address, "HELP")[1].splitlines()
-    monkeypatch.setattr("semmap_log.cli.plain_streams.is_for_people", lambda: False)
+    monkeypatch.setattr("semmap_log.cli.sanitized_streams.is_for_people", lambda: False)
 
     assert 20 == len(lines)
     assert lines[1] == "DOOR_OPEN DOOR [TIME] - predicate: it is OPEN"

@@ -163,7 +163,7 @@ def test_a_log_that_is_live(tmp_path: Path, run: Verb) -> None:
     """Whose writer was killed in its first segment: nothing is closed, so nothing is done."""
     (path,) = segment_files(write_log(tmp_path / "log", 5))
     segment = open_segment(path)
-    path.write_bytes(bytes(segment.source.read(0, segment.whole_end)))
+    path.write_bytes(bytes(segment.source.read(0, segment.valid_end)))
 
     code, out, _ = run(tmp_path / "log")
 

@@ -13,7 +13,7 @@ import semmap_log as sl
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.shipping import ship
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from tests.bucket import bucket, environment
 from tests.verbs import ran
 

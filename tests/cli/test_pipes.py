@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.cli.plain_streams import READER_GONE
+from semmap_log.cli.sanitized_streams import READER_GONE
 
 SEMMAP = [sys.executable, "-m", "semmap_log"]
 LONG_NAME = "the second door of the long corridor behind the\tkitchen\nof the canteen"

@@ -15,8 +15,8 @@ from rich.table import Table
 from rich.text import Text
 
 import semmap_log as sl
-from semmap_log.cli.plain_streams import PlainStream, json_text, plain, plain_streams
 from semmap_log.cli.printer import PlainConsole
+from semmap_log.cli.sanitized_streams import PlainStream, json_text, plain, sanitized_streams
 
 TITLE = "\x1b]0;owned\x07"
 EVIL = f"[red]x$\\frac{{$:door:{TITLE}\u202e\x9b31m"
@@ -169,7 +169,7 @@ def test_streams_are_as_before_behind_the_block(monkeypatch: pytest.MonkeyPatch)
     out = io.TextIOWrapper(io.BytesIO(), encoding="ascii", errors="backslashreplace")
     monkeypatch.setattr(sys, "stdout", out)
 
-    with plain_streams(), plain_streams():
+    with sanitized_streams(), sanitized_streams():
         sys.stdout.write(f"{EVIL}\n")
         sys.stdout.writelines(["two\n", f"{TITLE}\n"])
         assert not hasattr(sys.stdout, "buffer")

@@ -14,7 +14,7 @@ import pytest
 from rich.cells import cell_len
 
 import semmap_log as sl
-from semmap_log.cli.plain_streams import READER_GONE
+from semmap_log.cli.sanitized_streams import READER_GONE
 from semmap_log.core.model.events import RobotPose
 from tests.live.ros.running import DEADLINE_S
 from tests.verbs import ran

@@ -112,7 +112,7 @@ def test_a_pipe_gets_a_row_a_line(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Name and value, whole times, a name for each."""
-    monkeypatch.setattr("semmap_log.cli.plain_streams.is_for_people", lambda: False)
+    monkeypatch.setattr("semmap_log.cli.sanitized_streams.is_for_people", lambda: False)
 
     assert 0 == run("why", OFFICE, "coe_door", "--at", "13:30")
 

@@ -30,7 +30,7 @@ from semmap_log.core.model.events import DoorAdded, FloorMap, LevelAdded
 from semmap_log.errors import EarlyEventsWarning, HorizonError
 from semmap_log.log.trimming.redaction import Annotation, Notes, Redaction, Tracks
 from semmap_log.log.trimming.trim_log import Retention, TrimRule, trim_log
-from semmap_log.store.form import trimmed_topics
+from semmap_log.store.byte_layout import trimmed_topics
 from semmap_log.store.header import LogInfo, SegmentHeader, Trimmed, TrimReason
 from semmap_log.store.reading.reader import LogReader
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fault_injection.closed import BESIDE
+from fault_injection.closed import ADJACENT
 from fault_injection.judging import TELL_THE_END, remove_all
 from fault_injection.sample import Sample
 
@@ -69,7 +69,7 @@ def test_files_that_are_all_there_answer_as_before(
         files[1].rename(tmp_path / "elsewhere" / "made.mcap")
         files[1].symlink_to("../elsewhere/made.mcap")
     elif damage == "files of others":
-        BESIDE["files of others"](log)
+        ADJACENT["files of others"](log)
     else:
         remove_all(log, TELL_THE_END)
 
@@ -79,14 +79,14 @@ def test_files_that_are_all_there_answer_as_before(
         sl.append(log, compact=False).close()
 
 
-@pytest.mark.parametrize("beside", [name for name in BESIDE if name != "files of others"])
+@pytest.mark.parametrize("beside", [name for name in ADJACENT if name != "files of others"])
 def test_what_is_no_segment_is_refused_by_its_name(
     beside: str, sample: Sample, tmp_path: Path
 ) -> None:
     """Reading and appending; a second link to a segment is harmless, or an error."""
     log = Path(shutil.copytree(sample.closed, tmp_path / "log"))
     expected = repr(sl.read(log).replay())
-    BESIDE[beside](log)
+    ADJACENT[beside](log)
 
     def refused_or_harmless(ask: Callable[[], str | None]) -> None:
         try:

@@ -10,7 +10,7 @@ from fault_injection.signed import scene_of, try_attack
 from fault_injection.signed_logs.attacks import ATTACKS, Attack
 from fault_injection.signed_logs.sample import SignedSample, make_signed
 
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.signing.signed_log import verify_signed
 from tests.faults.running import faults, is_tried
 

@@ -20,7 +20,7 @@ from semmap_log.fleet import shipping
 from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.jobs.lake_folder import LakeFolder
 from semmap_log.fleet.shipping import ship
-from semmap_log.store.form import MANIFEST_NAME, MOST_LIST_BYTES
+from semmap_log.store.byte_layout import MANIFEST_NAME, MOST_LIST_BYTES
 from semmap_log.store.manifest import read_manifest
 from tests.fleet.endless_store import (
     GIGABYTE,

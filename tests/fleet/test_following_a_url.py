@@ -17,9 +17,9 @@ from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.fleet.shipping import ship
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
+from semmap_log.store.byte_layout import MANIFEST_NAME
 from semmap_log.store.compaction import compact
-from semmap_log.store.form import MANIFEST_NAME
 from semmap_log.store.reading.following import FollowedCommit
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.removed_source import ObjectSegments

@@ -26,7 +26,7 @@ from semmap_log.errors import CorruptLogError, ElsewhereError, LogError, LogLock
 from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.keeping import remove_shipped
 from semmap_log.fleet.shipping import ship
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading.reader import LogReader

@@ -16,9 +16,9 @@ from semmap_log.errors import LogAccessError, LogError
 from semmap_log.fleet import shipping
 from semmap_log.fleet.removing import Removed, remove_superseded
 from semmap_log.fleet.shipping import ship
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
+from semmap_log.store.byte_layout import MANIFEST_NAME
 from semmap_log.store.compaction import compact
-from semmap_log.store.form import MANIFEST_NAME
 from semmap_log.store.manifest import KeptManifest, read_manifest
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.removed_source import ObjectSegments

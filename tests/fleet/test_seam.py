@@ -20,8 +20,8 @@ from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.shipping import check_conditions, ship
-from semmap_log.log.replay.care import verify
-from semmap_log.store.form import DIGEST_KEY
+from semmap_log.log.replay.maintenance import verify
+from semmap_log.store.byte_layout import DIGEST_KEY
 from tests.bucket import NAME
 from tests.fleet.test_shipping import RECORDINGS, events_of
 from tests.verbs import run

@@ -15,7 +15,7 @@ from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import LogAccessError
 from semmap_log.fleet.shipping import ship
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.store.reading.window import Window
 from tests.fleet.test_shipping import events_of
 

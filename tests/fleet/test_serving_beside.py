@@ -11,7 +11,7 @@ from pathlib import Path
 
 import semmap_log as sl
 from semmap_log.core.io.url_path import UrlPath
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from tests.fleet.test_shipping import events_of
 from tests.live.planners.line_protocol.running_server import Raw, unix_in
 from tests.live.ros.running import Running

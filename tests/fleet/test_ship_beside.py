@@ -18,7 +18,7 @@ from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.core.texts import command_line
 from semmap_log.errors import LogAccessError
-from semmap_log.fleet.ship_beside import ShipBeside, ShippingPauses
+from semmap_log.fleet.background_shipper import BackgroundShipper, ShippingIntervals
 from semmap_log.fleet.shipping import ship
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.removed_source import ObjectSegments
@@ -27,7 +27,7 @@ from tests.fleet.lying_store import Answer, lying_store
 from tests.fleet.test_shipping import events_of
 from tests.live.ros.running import DEADLINE_S
 
-SOON = ShippingPauses(look_s=0.02, settle_s=0.0, first_retry_s=0.02, longest_retry_s=0.05)
+SOON = ShippingIntervals(look_s=0.02, settle_s=0.0, first_retry_s=0.02, longest_retry_s=0.05)
 LINE = '{"kind": "DoorObserved", "door": "front", "state": "OPEN"}\n'
 
 
@@ -63,11 +63,11 @@ class SwitchedStore(ObjectStore):
         self.error: Exception | None = None
         self.answers = threading.Event()
         self.answers.set()
-        self.is_asked = threading.Event()
+        self.is_requested = threading.Event()
         super().__init__(url)
 
     def _asked(self, name, request):  # type: ignore[no-untyped-def]
-        self.is_asked.set()
+        self.is_requested.set()
         self.answers.wait()
         if self.error is not None:
             raise self.error
@@ -77,7 +77,7 @@ class SwitchedStore(ObjectStore):
 @pytest.mark.usefixtures("_rolls_often")
 def test_segments_are_sent_as_they_close_and_the_last_at_the_end(bucket: str, office: Path) -> None:
     with (
-        ShipBeside(office, bucket, pauses=SOON) as beside,
+        BackgroundShipper(office, bucket, pauses=SOON) as beside,
         sl.append(office, durability="none") as log,
     ):
         observe(log, 120)
@@ -94,7 +94,9 @@ def test_segments_are_sent_as_they_close_and_the_last_at_the_end(bucket: str, of
 
 def test_a_segment_is_sent_once_it_has_settled(bucket: str, office: Path) -> None:
     """What the writer before has left is sent at once; the next waits, to be compacted first."""
-    with ShipBeside(office, bucket, pauses=ShippingPauses(look_s=0.02, settle_s=3600.0)) as beside:
+    with BackgroundShipper(
+        office, bucket, pauses=ShippingIntervals(look_s=0.02, settle_s=3600.0)
+    ) as beside:
         until(lambda: beside.status.is_all_sent)
         first = beside.status.sent
         with sl.append(office) as log:
@@ -116,7 +118,7 @@ def test_a_store_that_is_away_is_told_once_and_told_when_it_is_back(
     store, said = SwitchedStore(UrlPath(bucket)), list[str]()
     store.error = error
     with (
-        ShipBeside(office, store, tell=said.append, pauses=SOON) as beside,
+        BackgroundShipper(office, store, tell=said.append, pauses=SOON) as beside,
         sl.append(office, durability="none") as log,
     ):
         observe(log, 60)
@@ -141,8 +143,8 @@ def test_no_append_waits_for_a_store_that_stands_still(bucket: str, office: Path
     store = SwitchedStore(UrlPath(bucket))
     store.answers.clear()
     try:
-        with ShipBeside(office, store, pauses=SOON, end_s=0.1) as beside:
-            until(store.is_asked.is_set)
+        with BackgroundShipper(office, store, pauses=SOON, end_s=0.1) as beside:
+            until(store.is_requested.is_set)
             with sl.append(office, durability="none", compact=False) as log:
                 observe(log, 10_000)
         assert (0, False) == (beside.status.sent, beside.status.is_all_sent)
@@ -160,9 +162,9 @@ def test_once_given_up_nothing_more_is_sent(bucket: str, tmp_path: Path) -> None
     sl.create(log, tz="UTC").close()
     store = SwitchedStore(UrlPath(bucket))
     store.answers.clear()
-    beside = ShipBeside(log, store, pauses=SOON)
+    beside = BackgroundShipper(log, store, pauses=SOON)
     beside.start()
-    until(store.is_asked.is_set)
+    until(store.is_requested.is_set)
 
     beside.close(end_s=0.0)
     store.answers.set()
@@ -190,7 +192,7 @@ def test_a_store_that_lies_is_named_and_nothing_is_disturbed(
         for name, value in environment.items():
             monkeypatch.setenv(name, value)
         store = ObjectStore(UrlPath("s3://bucket/log"), patience_s=1.0)
-        with ShipBeside(office, store, tell=said.append, pauses=SOON) as beside:
+        with BackgroundShipper(office, store, tell=said.append, pauses=SOON) as beside:
             until(lambda: bool(said))
             with sl.append(office) as log:
                 observe(log, 3)
@@ -206,7 +208,7 @@ def test_a_fork_is_refused_and_recording_goes_on(bucket: str, office: Path, tmp_
     said = list[str]()
 
     with (
-        ShipBeside(office, bucket, tell=said.append, pauses=SOON) as beside,
+        BackgroundShipper(office, bucket, tell=said.append, pauses=SOON) as beside,
         sl.append(office) as log,
     ):
         observe(log, 1)

@@ -15,7 +15,7 @@ from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError
 from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.shipping import check_conditions, ship
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.removed_source import ObjectSegments

@@ -14,7 +14,7 @@ from semmap_log.errors import LogError
 from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.keeping import remove_shipped
 from semmap_log.fleet.shipping import ship
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.trimming.redaction import Notes, Redaction
 from semmap_log.log.trimming.repeated_sightings import Thinning
 from semmap_log.log.trimming.trim_log import plan_trimming, trim_log

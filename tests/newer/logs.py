@@ -39,7 +39,7 @@ log.close() if is_closed else os._exit(0)
 
 ASK = """
 import json, sys, semmap_log as sl
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 log, found = sl.read(sys.argv[1]), verify(__import__("pathlib").Path(sys.argv[1]))
 print(json.dumps({
     "kinds": [type(e.event).__name__ for e in log.history()],

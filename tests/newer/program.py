@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import semmap_log
-from semmap_log.store.form import KINDS_OF_MINOR
+from semmap_log.store.byte_layout import KINDS_OF_MINOR
 
 MESSAGE = "uint32 door_id\nfloat64 strength\n"
 KIND = '''
@@ -56,7 +56,7 @@ def install(folder: Path, later: Later) -> Path:
     counts = (
         (*KINDS_OF_MINOR, *[have] * later.minors) if later.minors else (*KINDS_OF_MINOR[:-1], have)
     )
-    form, header = package / "store" / "form.py", package / "store" / "header.py"
+    form, header = package / "store" / "byte_layout.py", package / "store" / "header.py"
     edit(form, f"KINDS_OF_MINOR = {KINDS_OF_MINOR}", f"KINDS_OF_MINOR = {counts}")
     edit(form, 'FORMAT_VERSION = "3"', f'FORMAT_VERSION = "{later.major}"')
     if later.has_entry:

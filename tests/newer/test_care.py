@@ -9,9 +9,9 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import NewerLogError
-from semmap_log.log.replay.care import plan_recovery, recover, verify
+from semmap_log.log.replay.maintenance import plan_recovery, recover, verify
+from semmap_log.store.byte_layout import FORMAT_MINOR
 from semmap_log.store.compaction import compact
-from semmap_log.store.form import FORMAT_MINOR
 from semmap_log.store.newer import NOTHING_NEWER
 from semmap_log.store.reading.segment_reading import statistics_of
 from semmap_log.store.reading.segment_scan import open_segment

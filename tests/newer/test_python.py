@@ -12,7 +12,7 @@ import semmap_log as sl
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.model.events import DoorObserved, RobotPose, UnknownEvent
 from semmap_log.errors import InvalidEventError, NewerLogError, NewerLogWarning
-from semmap_log.store.form import FORMAT_MINOR
+from semmap_log.store.byte_layout import FORMAT_MINOR
 from semmap_log.store.reading.newer_events import NewerEvents
 from tests.newer.logs import UNKNOWN, NewerLogs
 

@@ -10,7 +10,7 @@ from typer.main import get_command
 
 from semmap_log.cli import main
 from semmap_log.cli.app import app
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from tests.newer.logs import UNKNOWN, NewerLogs
 from tests.store.logs import segment_files
 

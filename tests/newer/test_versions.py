@@ -8,7 +8,7 @@ import pytest
 
 from semmap_log.core.messages import schema_text
 from semmap_log.core.model.events import KINDS
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     COMMIT_CHANNEL,
     FORMAT_MINOR,
     FORMAT_VERSION,

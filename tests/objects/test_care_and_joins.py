@@ -15,7 +15,7 @@ from semmap_log.fleet.join.joining_logs import join
 from semmap_log.interop.exporting.log_files import write_event_lines
 from semmap_log.interop.importing.importing import import_file
 from semmap_log.interop.pseudonyms.pseudonymous_log import pseudonymous
-from semmap_log.log.replay.care import copy, recover, verify
+from semmap_log.log.replay.maintenance import copy, recover, verify
 from semmap_log.log.replay.replay import Scope
 from semmap_log.log.trimming.redaction import Annotation, Redaction
 from semmap_log.log.trimming.trim_log import Retention, trim_log

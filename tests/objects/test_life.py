@@ -18,7 +18,7 @@ from semmap_log.core.folds.levels import DoorsPresent
 from semmap_log.core.model.events import DoorAnnotated, DoorObserved
 from semmap_log.errors import CommandError, InvalidEventError
 from semmap_log.interop.formats.json.door_json import door_map_to_json
-from semmap_log.log.door_log.summary import backdated, since_ever_ns
+from semmap_log.log.door_log.summary import backdated, before_first_ns
 from semmap_log.store.reading.reader import LogReader
 
 
@@ -189,7 +189,7 @@ def test_objects_are_backdated_with_their_class(log: sl.DoorLogWriter, path: Pat
     log.append([DoorObserved(door_id=sl.DoorId(2), state=sl.DoorState.CLOSED, happened_ns=early)])
     log.close()
 
-    since_ns = since_ever_ns(LogReader(path))
+    since_ns = before_first_ns(LogReader(path))
     assert since_ns is not None
     with sl.append(path) as again:
         doors = [sl.DoorId(number) for number in range(1, 5)]

@@ -12,7 +12,7 @@ from steady_clock import SteadyClock
 import semmap_log as sl
 from semmap_log.core.model.doors import outline_text
 from semmap_log.core.model.events import ClassDefined, DoorAdded, DoorAnnotated, DoorObserved, Event
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader

@@ -15,9 +15,9 @@ from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorObserved, Event
 from semmap_log.log.replay.keyframes import encode
+from semmap_log.store.byte_layout import DIGEST_KEY, INDEX_METADATA, KEYFRAME_CHANNEL
 from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.compaction import compact
-from semmap_log.store.form import DIGEST_KEY, INDEX_METADATA, KEYFRAME_CHANNEL
 from semmap_log.store.header import _signed, index_metadata
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import open_segment

@@ -13,7 +13,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError, UnreadableLogError
-from semmap_log.log.replay.care import recover_into, verify
+from semmap_log.log.replay.maintenance import recover_into, verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.segment_scan import numbers_of, open_segment
 from tests.bad_disk import BLOCK, bad_disk

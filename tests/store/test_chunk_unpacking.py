@@ -17,12 +17,12 @@ import zstandard
 import semmap_log as sl
 from semmap_log.core.model.events import FloorMap
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.store import record_scan
 from semmap_log.store import records as mcap
+from semmap_log.store.byte_layout import KEYFRAME_CHANNEL, NO_HASH
 from semmap_log.store.chunks import NO_SPAN, BuiltChunk, ChunkFacts, assemble_chunk
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import KEYFRAME_CHANNEL, NO_HASH
 from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.reading.chunk_table import rows_of_indexes
 from semmap_log.store.record_scan import (

@@ -14,7 +14,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.replay.care import recover, verify
+from semmap_log.log.replay.maintenance import recover, verify
 from semmap_log.store.closed_mark import MOST_BYTES, read_mark
 from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder
@@ -53,7 +53,7 @@ def cut(log: Path) -> None:
 
 def cut_behind_its_last_chunk(log: Path) -> None:
     last = segment_files(log)[-1]
-    os.truncate(last, sl.read(log)._reader.segments[-1].whole_end)
+    os.truncate(last, sl.read(log)._reader.segments[-1].valid_end)
 
 
 def cut_in_the_middle(log: Path) -> None:
@@ -360,11 +360,11 @@ def test_the_first_closing_is_told_before_it_is_listed(tmp_path: Path) -> None:
     """Else a copy might hold a metadata.yaml that is ahead, and no mark."""
     log, written = tmp_path / "log", []
     with pytest.MonkeyPatch.context() as patch:
-        write_whole = LogFolder.write_whole
+        write_atomic = LogFolder.write_atomic
         patch.setattr(
             LogFolder,
-            "write_whole",
-            lambda self, name, data: (written.append(name), write_whole(self, name, data)),
+            "write_atomic",
+            lambda self, name, data: (written.append(name), write_atomic(self, name, data)),
         )
         sl.create(log, tz="UTC").close()
 

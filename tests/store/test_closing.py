@@ -15,9 +15,9 @@ from mcap.records import Attachment, Metadata
 import semmap_log as sl
 from semmap_log.core.model.events import DoorAnnotated
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
+from semmap_log.store.byte_layout import DIGEST_KEY
 from semmap_log.store.compaction import compact
-from semmap_log.store.form import DIGEST_KEY
 from semmap_log.store.header import _signed, index_metadata
 from semmap_log.store.reading import segment_head, segment_scan
 from semmap_log.store.reading.reader import LogReader

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from semmap_log.core.batches.columnar_events import ColumnarEvents
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.batches.taken_columns import TakenColumns
 from semmap_log.core.messages import encode, layout, type_name, write_message
 from semmap_log.core.model.commits import Commit, Durability, Note
 from semmap_log.core.model.doors import DoorId, DoorState
@@ -125,7 +125,7 @@ def check(stamp: Stamp, note: Note, given_events: list[Event]) -> None:
         [EventBatch.from_events([event]) for event in given_events[:40]] + given_events[40:],
     ]
     if {type(event) for event in given_events} <= set(SIGHTINGS):
-        ways.append(TakenColumns(given_events, {type(event) for event in given_events}))  # type: ignore[arg-type]
+        ways.append(ColumnarEvents(given_events, {type(event) for event in given_events}))  # type: ignore[arg-type]
     for way in ways:
         chunks, commit = built(stamp, note, way)
         assert (chunks, commit.hash) == (expected, its_hash)

@@ -18,7 +18,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.store.verification.findings import Severity
 from tests.page_reader import READ
 from tests.store.beside import recording

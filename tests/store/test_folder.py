@@ -18,7 +18,7 @@ from semmap_log.errors import (
     LogExistsError,
     LogPoisonedError,
 )
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.compaction.compacting import compact_segment, install_over
 from semmap_log.store.folder import MOST_BYTES, LogFolder
@@ -237,12 +237,12 @@ def test_a_closed_segment_that_is_no_more_what_was_written_is_told(
     see(log, 25)
     change(tmp_path / "log" / "log_000000.mcap")
 
-    def go_on() -> None:
+    def proceed() -> None:
         see(log, 10 * rolls)
         log.close()
 
     with pytest.raises(LogPoisonedError, match=r"_000000\.mcap was removed, exchanged"):
-        go_on()
+        proceed()
 
 
 def test_a_file_in_the_way_of_the_next_segment_is_not_replaced(tmp_path: Path) -> None:
@@ -319,7 +319,7 @@ def test_what_is_written_whole_is_on_the_disk_before_it_has_its_name(
     """And the name before the call returns: a power cut leaves the old one or the new one."""
     calls = noted(monkeypatch, "fsync", "replace")
 
-    LogFolder.held(tmp_path).write_whole("closed.json", [b"new"])
+    LogFolder.held(tmp_path).write_atomic("closed.json", [b"new"])
 
     assert ["fsync", "replace", "fsync"] == calls
 
@@ -337,7 +337,7 @@ def test_a_temporary_file_that_somebody_foresaw_is_not_written_to(
     link(path / f".closed.json.{os.getpid()}-beef.tmp", victim)
 
     with pytest.raises(FileExistsError):
-        LogFolder.held(path).write_whole("closed.json", [b"{}"])
+        LogFolder.held(path).write_atomic("closed.json", [b"{}"])
 
     assert VICTIM == victim.read_bytes()
 

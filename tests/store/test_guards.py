@@ -24,6 +24,7 @@ from semmap_log.core.model.events import DoorAdded, DoorObserved
 from semmap_log.errors import CorruptLogError, LogPoisonedError
 from semmap_log.interop.formats.files.floor_plan import MOST_CELLS
 from semmap_log.store import records as mcap
+from semmap_log.store.byte_layout import CHUNK_BYTES, COMMIT_CHANNEL, KEYFRAME_CHANNEL, NO_HASH
 from semmap_log.store.chunks import (
     FREE_CHUNK_BYTES,
     MAX_CHUNK_BYTES,
@@ -36,7 +37,6 @@ from semmap_log.store.chunks import (
 from semmap_log.store.commit_records import MOST_EVENT_BYTES, CommitBuilder, Stamp
 from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import CHUNK_BYTES, COMMIT_CHANNEL, KEYFRAME_CHANNEL, NO_HASH
 from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.reading.chunk_table import rows_of_indexes
 from semmap_log.store.reading.reader import LogReader

@@ -10,7 +10,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.core.model.moments import USUAL_HOLDS
 from semmap_log.errors import InvalidEventError
-from semmap_log.store.form import NO_HASH
+from semmap_log.store.byte_layout import NO_HASH
 from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.manifest import Manifest, manifest_in
 from semmap_log.store.reading.manifest_entry import manifest_entry

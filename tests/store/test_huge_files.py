@@ -11,8 +11,8 @@ import pytest
 import semmap_log as sl
 from semmap_log.core.io.checked_file import read_checked, write_checked
 from semmap_log.errors import CheckpointError, CorruptLogError, LogLockedError, NotALogError
-from semmap_log.log.replay.care import verify
-from semmap_log.store.form import LOCK_NAME, REMOVED_NAME
+from semmap_log.log.replay.maintenance import verify
+from semmap_log.store.byte_layout import LOCK_NAME, REMOVED_NAME
 from tests.log.replay.projections import Numbers
 
 TERABYTE = 2**40

@@ -16,9 +16,9 @@ from mcap.records import Metadata
 
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
+from semmap_log.store.byte_layout import DIGEST_KEY
 from semmap_log.store.compaction import compact
-from semmap_log.store.form import DIGEST_KEY
 from semmap_log.store.header import _signed, index_metadata, read_index
 from semmap_log.store.reading.segment_reading import read_chunk
 from tests.conftest import SteadyClock

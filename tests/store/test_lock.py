@@ -332,7 +332,7 @@ def test_one_writer_whatever_a_stranger_locks(log: Path) -> None:
 def _lock_both_again_and_again() -> None:
     """Go on in a thread of its own."""
 
-    def go_on() -> None:
+    def proceed() -> None:
         held: list[int] = []
         while True:
             for name in (".", ".lock"):
@@ -341,4 +341,4 @@ def _lock_both_again_and_again() -> None:
             while len(held) > 1:
                 os.close(held.pop(0))
 
-    threading.Thread(target=go_on, daemon=True).start()
+    threading.Thread(target=proceed, daemon=True).start()

@@ -104,7 +104,7 @@ def log(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Monk
 
 def ours(path: Path) -> list[tuple[str, int, int]]:
     """Return (topic, recorded, happened) of every message of our own reading, in order."""
-    from semmap_log.store.form import FLOOR_MAP_CHANNEL, floor_map_topic, topics
+    from semmap_log.store.byte_layout import FLOOR_MAP_CHANNEL, floor_map_topic, topics
 
     names = {topic.channel_id: topic.topic for topic in topics()}
     found = []

@@ -18,18 +18,18 @@ import semmap_log as sl
 from semmap_log.core.io.disk import (
     TEMPORARY_SUFFIX,
     NotOursError,
+    atomic_file,
+    atomic_folder,
+    check_outside_log,
     left_by_killed,
     output_errors,
     read_own,
-    refuse_own_folder,
     replace_file,
-    whole_file,
-    whole_folder,
 )
 from semmap_log.errors import CheckpointError, OutputError
 from semmap_log.interop.formats.files.map_server_out import write_map
+from semmap_log.store.byte_layout import BAG_METADATA_NAME, MOST_NAME_BYTES
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import BAG_METADATA_NAME, MOST_NAME_BYTES
 from tests.log.replay.projections import Numbers
 
 THREADS, ROUNDS = 6, 15
@@ -81,7 +81,7 @@ def test_two_calls_never_share_a_name(tmp_path: Path) -> None:
     """The one inside the other, in one process: each has its file."""
     path = tmp_path / "x"
 
-    with whole_file(path) as one, whole_file(path) as other:
+    with atomic_file(path) as one, atomic_file(path) as other:
         one.write_bytes(b"one")
         other.write_bytes(b"other")
         assert one != other
@@ -146,7 +146,7 @@ def test_a_planted_link_is_not_followed(tmp_path: Path, drawn: Callable[..., Non
     _planted(path, "cafe").symlink_to("not-there")
     drawn("beef", "cafe", "f00d")
 
-    with whole_file(path) as temporary:
+    with atomic_file(path) as temporary:
         assert _planted(path, "f00d") == temporary
         assert 0 == temporary.stat().st_size
         temporary.write_bytes(b"new")
@@ -170,8 +170,8 @@ def test_a_temporary_file_that_was_exchanged_is_not_written_to(
 
     from semmap_log.core.io import disk
 
-    made = disk.new_beside
-    monkeypatch.setattr(disk, "new_beside", give_link)
+    made = disk.new_sibling
+    monkeypatch.setattr(disk, "new_sibling", give_link)
 
     with pytest.raises(OSError, match="symbolic links"):
         replace_file(tmp_path / "x", b"new")
@@ -188,7 +188,7 @@ def test_a_planted_folder_is_not_used(tmp_path: Path, drawn: Callable[..., None]
     _planted(path, "beef").symlink_to("theirs")
     drawn("beef", "cafe")
 
-    with whole_folder(path) as temporary:
+    with atomic_folder(path) as temporary:
         assert "cafe" in temporary.parent.name
         assert 0o700 == stat.S_IMODE(temporary.parent.stat().st_mode)
         temporary.mkdir()
@@ -202,7 +202,7 @@ def test_a_folder_in_place_of_which_there_is_a_link_to_nothing(tmp_path: Path) -
     """Something is there: it is not replaced."""
     (tmp_path / "x").symlink_to("nowhere")
 
-    with pytest.raises(OutputError, match="is there already"), whole_folder(tmp_path / "x"):
+    with pytest.raises(OutputError, match="is there already"), atomic_folder(tmp_path / "x"):
         pass
 
     assert ["x"] == [file.name for file in tmp_path.iterdir()]
@@ -221,7 +221,7 @@ def test_files_deep_in_a_new_folder_are_synced(
 
     monkeypatch.setattr(os, "fsync", spy)
 
-    with whole_folder(tmp_path / "x") as temporary:
+    with atomic_folder(tmp_path / "x") as temporary:
         (temporary / "scripts").mkdir(parents=True)
         (temporary / "scripts" / "deep").touch()
         (temporary / "flat").touch()
@@ -280,7 +280,7 @@ def test_a_new_file_has_the_mode_of_any_other(tmp_path: Path) -> None:
 def test_the_longest_names(tmp_path: Path, name: str) -> None:
     """A name of 255 bytes is one, and needs a temporary one no longer."""
     replace_file(tmp_path / name, b"new")
-    with whole_file(tmp_path / name) as temporary:
+    with atomic_file(tmp_path / name) as temporary:
         temporary.write_bytes(b"newer")
 
     assert b"newer" == (tmp_path / name).read_bytes()
@@ -291,13 +291,13 @@ def test_leftovers_of_a_log_of_the_longest_name(tmp_path: Path) -> None:
     """They are known as such, with the longest of all process ids, and removed."""
     name = "n" * MOST_NAME_BYTES + "_000000.mcap"
     for lost in (name, f"{name}.1234567.torn", BAG_METADATA_NAME):
-        with suppress(FileNotFoundError), whole_file(tmp_path / lost) as temporary:
+        with suppress(FileNotFoundError), atomic_file(tmp_path / lost) as temporary:
             kept = temporary.with_name(temporary.name.replace(str(os.getpid()), "4194304"))
             temporary.rename(kept)
     assert 3 == len(list(tmp_path.iterdir()))
 
     assert LogFolder(tmp_path).is_empty()
-    LogFolder(tmp_path).remove_leftovers()
+    LogFolder(tmp_path).remove_stale_files()
 
     assert [] == list(tmp_path.iterdir())
 
@@ -306,13 +306,14 @@ def test_leftovers_are_known_by_who_made_them(tmp_path: Path) -> None:
     """One of a process that is gone is a leftover, one of a thread that is writing is not."""
     path = tmp_path / "checkpoint"
     script = (
-        "import os, sys; from pathlib import Path; from semmap_log.core.io.disk import whole_file\n"
-        "with whole_file(Path(sys.argv[1])): os._exit(0)"
+        "import os, sys; from pathlib import Path\n"
+        "from semmap_log.core.io.disk import atomic_file\n"
+        "with atomic_file(Path(sys.argv[1])): os._exit(0)"
     )
     subprocess.run([sys.executable, "-c", script, path], check=True)
     (gone,) = tmp_path.iterdir()
 
-    with whole_file(path):
+    with atomic_file(path):
         assert 2 == len(list(tmp_path.iterdir()))
         assert [gone] == list(left_by_killed(path))
 
@@ -385,7 +386,7 @@ import resource, sys
 resource.setrlimit(resource.RLIMIT_AS, (2**30, 2**30))
 resource.setrlimit(resource.RLIMIT_CPU, (100, 100))
 import semmap_log as sl
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 print([finding.kind for finding in verify(Path(sys.argv[1])).findings])
 with sl.append(sys.argv[1]) as log:
     log.add_door()
@@ -444,6 +445,6 @@ def test_a_file_that_becomes_a_pipe_while_it_is_opened(
 def test_nothing_is_put_into_a_logs_own_folder(name: str, tmp_path: Path) -> None:
     """However it is written; beside it is free."""
     (tmp_path / "log").mkdir()
-    refuse_own_folder(tmp_path / "log", tmp_path / "picture.png")
+    check_outside_log(tmp_path / "log", tmp_path / "picture.png")
     with pytest.raises(OutputError, match="lies in the log's own folder"):
-        refuse_own_folder(tmp_path / "log", tmp_path / name)
+        check_outside_log(tmp_path / "log", tmp_path / name)

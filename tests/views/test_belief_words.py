@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from semmap_log.views.belief_words import moment_in_words, with_interval
+from semmap_log.views.belief_words import moment_text, with_interval
 
 
 @pytest.mark.parametrize(
@@ -25,4 +25,4 @@ def test_a_probability_stands_before_its_interval(
 
 def test_a_moment_is_told_to_the_second() -> None:
     """As the building's clocks show it."""
-    assert "2026-03-08 22:30:41" == moment_in_words(1_773_005_441_049_000_000, "Europe/Vienna")
+    assert "2026-03-08 22:30:41" == moment_text(1_773_005_441_049_000_000, "Europe/Vienna")

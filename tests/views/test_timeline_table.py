@@ -13,7 +13,7 @@ from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.moments import duration
 from semmap_log.views.timeline_table import (
     PAGE_ROWS,
-    hold_in_words,
+    hold_text,
     timeline_pages,
     timeline_totals,
 )
@@ -142,4 +142,4 @@ since               until                    lasted state    seen   event unseen
 )
 def test_it_says_how_long_a_sighting_holds(hold: Hold | None, expected: str) -> None:
     """And why: the setting of the log, and what the door's looks tell."""
-    assert f"a sighting holds {expected}" == hold_in_words(hold)
+    assert f"a sighting holds {expected}" == hold_text(hold)

@@ -165,7 +165,7 @@ def _limit(count: int, folder: Path) -> Work:
 
     from semmap_log.core.messages import fixed_layout
     from semmap_log.core.model.events import DoorObserved
-    from semmap_log.store.form import CHUNK_BYTES, ZSTD_LEVEL
+    from semmap_log.store.byte_layout import CHUNK_BYTES, ZSTD_LEVEL
 
     whole = [("head", f"V{_MESSAGE.size}"), ("body", fixed_layout(DoorObserved.kind).dtype)]
     record = np.dtype(whole)

@@ -86,7 +86,7 @@ def _copies(log: Path, folder: Path) -> Iterator[Path]:
 
 def _ours(log: Path, folder: Path, count: int, rule: MakeRule) -> Work:
     import semmap_log as sl
-    from semmap_log.log.replay.care import verify
+    from semmap_log.log.replay.maintenance import verify
     from semmap_log.log.trimming.trim_log import trim_log
 
     def once(copy: Path) -> tuple[Path, int]:

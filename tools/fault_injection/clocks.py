@@ -14,7 +14,7 @@ from fault_injection.fault import Outcome, Plan
 from fault_injection.sample import small_segments
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.model.commits import Commit
-from semmap_log.store.form import KEYFRAME_CHANNEL
+from semmap_log.store.byte_layout import KEYFRAME_CHANNEL
 from semmap_log.store.reading.reader import LogReader
 
 NOW = 1_772_400_000 * 10**9

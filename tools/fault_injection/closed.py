@@ -83,7 +83,7 @@ class _Files:
 
     def draw(self) -> Drawn:
         """Return a damage: of a segment, most times; of another file; or of one of each."""
-        ways = [self._of_segment] * 6 + [self._beside]
+        ways = [self._of_segment] * 6 + [self._next_to]
         ways += [self._of_other] * 2 if self._others else []
         ways += [self._of_both] * 2 if len(self._others) > 1 else []
         return self._dice.choice(ways)()
@@ -184,9 +184,9 @@ class _Files:
             return "a segment of another log", partial(_put, name="zz_000003.mcap", data=data), 0
         return f"{name} from another log", partial(_put, name=name, data=data), 0
 
-    def _beside(self) -> Drawn:
+    def _next_to(self) -> Drawn:
         """Draw what else lies in the folder."""
-        what, plant = self._dice.choice(list(BESIDE.items()))
+        what, plant = self._dice.choice(list(ADJACENT.items()))
         return what, plant, 0
 
     def _place(self, name: str, size: int) -> int:
@@ -251,7 +251,7 @@ def _litter(log: Path) -> None:
     (log / "a folder").mkdir()
 
 
-BESIDE: dict[str, Damage] = {
+ADJACENT: dict[str, Damage] = {
     "files of others": _litter,
     "an empty segment": lambda log: (log / "x_000009.mcap").touch(),
     "a text named as a segment": lambda log: (log / "x.mcap").write_bytes(b"hello"),

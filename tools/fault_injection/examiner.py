@@ -59,7 +59,7 @@ class Examiner:
         try:
             stored = self.stored(folder, told, must=must)
             self._check_export(folder.parent / "out" / "doors.yaml", told)
-            self.go_on(folder, stored, tell)
+            self.proceed(folder, stored, tell)
             after = self.stored(folder, replace(told, asked=stored + 1), must=stored + 1)
         except FoundError as error:
             return replace(outcome, lost=error.lost, invented=error.invented, problem=str(error))
@@ -122,7 +122,7 @@ class Examiner:
             ]
         return self._known[key]
 
-    def go_on(self, folder: Path, stored: int, tell: Tell) -> None:
+    def proceed(self, folder: Path, stored: int, tell: Tell) -> None:
         """Append as one does after a crash: what may be stored already, and the next.
 
         Args:

@@ -133,14 +133,14 @@ def _interrupt(path: Path, story: str, before: int, step: int) -> tuple[Outcome,
             ledger.add_doors(log)
         with suppress(BaseException), interrupter:  # what is raised may become another error
             STORIES[story](ledger, log)
-        _go_on(ledger, log)
+        _continue(ledger, log)
         what = f"interrupted at step {step} of {story}, {interrupter.place}"
         outcome = ledger.outcome(path, what)
     shutil.rmtree(path)
     return outcome, interrupter.steps
 
 
-def _go_on(ledger: Ledger, log: sl.DoorLogWriter) -> None:
+def _continue(ledger: Ledger, log: sl.DoorLogWriter) -> None:
     """Do what a program does that caught an error: the next command, then close."""
     for call in (partial(_own_door, ledger, log), partial(ledger.add_doors, log), log.close):
         with suppress(LogError):
@@ -156,7 +156,7 @@ def exhaust_the_stack(folder: Path, *, every: int = 1) -> Iterator[Outcome]:
         ledger.add_doors(log)
         with suppress(RecursionError, SemmapError):
             _deep(sys.getrecursionlimit() - room - _depth(), partial(ledger.add_doors, log))
-        _go_on(ledger, log)
+        _continue(ledger, log)
         yield ledger.outcome(path, f"append with room for {room} calls on the stack")
         shutil.rmtree(path)
 
@@ -188,7 +188,7 @@ def spoil_the_events(folder: Path) -> Iterator[Outcome]:
                 ledger.add_doors(log)
                 with suppress(LogPoisonedError, error):
                     log.append(_spoilt(good, error))
-                _go_on(ledger, log)
+                _continue(ledger, log)
                 yield ledger.outcome(path, f"{error.__name__} in the events, behind {good} of them")
                 shutil.rmtree(path)
 

@@ -20,7 +20,7 @@ import semmap_log as sl
 from fault_injection.fault import Outcome, Plan
 from fault_injection.questions import Answers, answer, questions
 from semmap_log.errors import CorruptLogError, LogAccessError, NotALogError
-from semmap_log.store.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
+from semmap_log.store.byte_layout import COMMIT_CHANNEL, KEYFRAME_CHANNEL
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import read_chunk

@@ -89,7 +89,7 @@ NEVER_ANSWERED = -2
 OUT = "{out}"
 """In arguments: a folder for what the verb writes. LOG: the log's."""
 LOG = "{log}"
-MOST_TOLD = 200_000
+MOST_LISTED = 200_000
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ def tell_answers(questions: Mapping[str, VerbQuestion], tell: Callable[[str], ob
     for name, ask in questions.items():
         tell(json.dumps({"asked": name}))
         answer = ask()
-        said = answer.said if len(answer.said) <= MOST_TOLD else _shortened(answer.said)
+        said = answer.said if len(answer.said) <= MOST_LISTED else _shortened(answer.said)
         tell(json.dumps({"name": name, "code": answer.code, "said": said, "error": answer.error}))
 
 

@@ -137,7 +137,7 @@ def _append_for_ever(ledger: Ledger, path: Path) -> None:
     with suppress(BaseException):
         while not _interrupts:
             ledger.add_doors(log)
-    _go_on(ledger, log)
+    _continue(ledger, log)
 
 
 def _append_with_memory(more: int, ledger: Ledger, path: Path) -> None:
@@ -150,10 +150,10 @@ def _append_with_memory(more: int, ledger: Ledger, path: Path) -> None:
         for size in (10, DOORS_A_COMMIT):
             ledger.add_doors(log, size)
     resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
-    _go_on(ledger, log)
+    _continue(ledger, log)
 
 
-def _go_on(ledger: Ledger, log: sl.DoorLogWriter) -> None:
+def _continue(ledger: Ledger, log: sl.DoorLogWriter) -> None:
     for call in (partial(ledger.add_doors, log), log.close):
         with suppress(LogError):
             call()

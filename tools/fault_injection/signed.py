@@ -15,7 +15,7 @@ from fault_injection.pool import side_by_side
 from fault_injection.signed_logs.attacks import ATTACKS, Attack, Scene
 from fault_injection.signed_logs.sample import SignedSample, make_signed
 from semmap_log.errors import SigningError
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.signing.log_signing import sign
 from semmap_log.log.signing.signed_log import verify_signed
 from semmap_log.store.verification.findings import EXIT_DAMAGE

@@ -112,11 +112,11 @@ class _KillBench(StoryBench):
         write_tree(self.root, left)
         stored = self.examiner.stored(self.log, told, must=must)
 
-        def go_on(tell: Tell) -> None:
-            self.examiner.go_on(self.log, stored, tell)
+        def proceed(tell: Tell) -> None:
+            self.examiner.proceed(self.log, stored, tell)
             tell(f"seen {shim.seen()}")
 
-        return self.disturbed(go_on, left, calls=CHANGES, action=Action.KILL, first=call)
+        return self.disturbed(proceed, left, calls=CHANGES, action=Action.KILL, first=call)
 
 
 SYNCS = Call.FSYNC | Call.FDATASYNC

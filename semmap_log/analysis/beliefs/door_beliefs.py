@@ -27,8 +27,8 @@ from semmap_log.core.model.moments import HOUR_NS, Moment
 from semmap_log.errors import MomentError, UnknownDoorError
 from semmap_log.log.door_log.clock_warnings import warn_of_clock
 from semmap_log.log.door_log.door_log import DoorLog, Time
-from semmap_log.log.door_log.known_later import known_later, moment_asked_ns
 from semmap_log.log.door_log.queries import doors_listed
+from semmap_log.log.door_log.recorded_later import query_moment_ns, recorded_later
 
 if TYPE_CHECKING:
     from semmap_log.analysis.probabilities.sensors.sensor_doubts import SensorDoubt
@@ -390,14 +390,14 @@ def ask(
     """
     warn_of_clock(log)
     happened, known = log.moment(at), log.known_moment(known_at)
-    moment_ns = moment_asked_ns(log, happened, known)
+    moment_ns = query_moment_ns(log, happened, known)
     if as_happened:
-        happened, known = _when_all_is_told_at_once(log, happened, known), Moment()
+        happened, known = _if_known_at_once(log, happened, known), Moment()
     door_map = log.replay(at=happened, known_at=known)
     chosen = (
         door_map.doors
         if doors is None
-        else {_door_then(log, door, door_map, happened, known) for door in doors_listed(doors)}
+        else {_door_as_of(log, door, door_map, happened, known) for door in doors_listed(doors)}
     )
     clock = LocalClock(log.info.timezone if tz is None else tz)
     return BeliefQuery(
@@ -418,13 +418,13 @@ def ask(
     )
 
 
-def _when_all_is_told_at_once(log: DoorLog, at: Moment, known_at: Moment) -> Moment:
+def _if_known_at_once(log: DoorLog, at: Moment, known_at: Moment) -> Moment:
     """Return up to when what happened counts, were it known at once: both moments bound it."""
     bounds = [ns for ns in (log.instant(at), log.instant(known_at)) if ns is not None]
     return Moment(ns=min(bounds)) if bounds else Moment()
 
 
-def _door_then(
+def _door_as_of(
     log: DoorLog, door: DoorId | str, door_map: DoorMap, at: Moment, known_at: Moment
 ) -> DoorId:
     """Return a door, among those that were known then.
@@ -436,10 +436,10 @@ def _door_then(
         return log.resolve_in(door, log.scope(at, known_at), door_map)
     except UnknownDoorError as error:
         try:
-            ever = log.resolve_ever(door)
+            ever = log.resolve_any_door(door)
         except UnknownDoorError:
             raise error from None
-        later = known_later(log, at, known_at, door=ever, remedy=AS_HAPPENED)
+        later = recorded_later(log, at, known_at, door=ever, remedy=AS_HAPPENED)
         raise UnknownDoorError(f"{error} {later}".strip()) from None
 
 

@@ -20,8 +20,8 @@ from semmap_log.core.model.moments import Moment
 from semmap_log.errors import UnknownDoorError
 from semmap_log.log.door_log.door_log import DoorLog, Time
 from semmap_log.log.door_log.explanation import Explanation, NextChange, StateReason
-from semmap_log.log.door_log.known_later import moment_asked_ns, state_reason
 from semmap_log.log.door_log.queries import NEAR_NS
+from semmap_log.log.door_log.recorded_later import query_moment_ns, state_reason
 
 
 def explain(
@@ -50,9 +50,9 @@ def explain(
         MomentError: A time cannot be read.
         LogError: There is no event of that number.
     """
-    door_id = log.resolve_ever(door)
+    door_id = log.resolve_any_door(door)
     when, known = log.moment(at), log.known_moment(known_at)
-    time_ns, end_ns = moment_asked_ns(log, when, known), log.end_ns()
+    time_ns, end_ns = query_moment_ns(log, when, known), log.end_ns()
     if known == Moment():
         known = when
     moment = Moment(ns=time_ns)
@@ -67,7 +67,7 @@ def explain(
         min(time_ns + near_ns, max(time_ns, end_ns)),
     )
     otherwise = tuple(_otherwise(log, door_id, true.state, near))
-    taken_back = _taken_back(true, believed)
+    taken_back = _retracted(true, believed)
     return Explanation(
         door_id=door_id,
         label=log.door_labels().get(door_id, str(door_id)),
@@ -77,7 +77,7 @@ def explain(
         end_ns=end_ns,
         true=true,
         believed=believed,
-        told_since=_told_since(true, believed, limit),
+        told_since=_recorded_since(true, believed, limit),
         taken_back=taken_back,
         otherwise=otherwise,
         otherwise_ns=near,
@@ -87,14 +87,16 @@ def explain(
     )
 
 
-def _told_since(true: StateReason, believed: StateReason, limit: int | None) -> HistoryEntry | None:
+def _recorded_since(
+    true: StateReason, believed: StateReason, limit: int | None
+) -> HistoryEntry | None:
     """Return the event on which the truth rests, if it was not known then."""
     rests_on = [true.last, true.added_by if believed.door is None else None]
     late = (each for each in rests_on if each and limit is not None and each.number > limit)
     return next(late, None)
 
 
-def _taken_back(true: StateReason, believed: StateReason) -> HistoryEntry | None:
+def _retracted(true: StateReason, believed: StateReason) -> HistoryEntry | None:
     """Return the event on which the belief rested, if it has been retracted."""
     rested_on = [believed.last, believed.added_by if true.door is None else None]
     return next((each for each in rested_on if each and each.retracted), None)

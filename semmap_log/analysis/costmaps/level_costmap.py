@@ -25,7 +25,7 @@ from semmap_log.analysis.costmaps.door_layer_fold import By, DoorLayerProjection
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.levels import check_class, level_shown, resolve_level
-from semmap_log.core.model.doors import OUTLINE, DoorId, DoorMap, outline_told
+from semmap_log.core.model.doors import OUTLINE, DoorId, DoorMap, parse_outline
 from semmap_log.core.model.events import (
     POSE_KINDS,
     SETTING_KINDS,
@@ -365,7 +365,7 @@ def costmap_live(
             costmap = anew
             windows: Sequence[CellWindow] = [costmap.geometry.whole]
         elif Retracted in batch:
-            windows = costmap.show(log.opened_anew().state_in(Scope(event=commit.last_event)))
+            windows = costmap.show(log.reopened_log().state_in(Scope(event=commit.last_event)))
         else:
             windows = costmap.advance([batch])
         if windows:
@@ -379,7 +379,7 @@ def _on_another_map(
     if not any(kind in followed.batch for kind in (FloorMap, Retracted)):
         return None
     last = followed.commit.last_event
-    there = costmap_at(log.opened_anew(), options, event=last)
+    there = costmap_at(log.reopened_log(), options, event=last)
     return None if there.floor is None or there.floor == costmap.floor else there
 
 
@@ -432,7 +432,7 @@ def _reaches(event: Event) -> Iterator[float]:
     """Yield how far the corners of an outline are from where their object is, metres."""
     if isinstance(event, DoorAnnotated) and event.key == OUTLINE:
         with suppress(ValueError):
-            yield from (math.hypot(x, y) for x, y in outline_told(event.value))
+            yield from (math.hypot(x, y) for x, y in parse_outline(event.value))
 
 
 DRAWN_KINDS = (*SETTING_KINDS, DoorAnnotated, ClassDefined)

@@ -67,7 +67,7 @@ def learnt_chances(
     known = np.full(len(times_ns), known_ns)
     said = [beliefs.predict(door, times_ns, known) for door in doors]
     looks = [
-        looks_then(
+        looks_at_hour(
             beliefs.evidence.door(door, known_ns), beliefs.clock,
             time_ns=start_ns, known_ns=known_ns,
         )
@@ -208,7 +208,7 @@ class DoorChances:
     see `with_stand_ins`."""
     looks: NDArray[np.int64]
     """(n, 2): looks at such hours of such days, and how many of them found it open: see
-    `looks_then`."""
+    `looks_at_hour`."""
     looks_high: NDArray[np.float64]
     """(n,): the upper end of the 90 % interval of the share that is open."""
     unseen_s: NDArray[np.float64]
@@ -304,7 +304,7 @@ BACK_NS = 28 * DAY_NS
 """Older looks do not count."""
 
 
-class LooksThen(NamedTuple):
+class LooksAtHour(NamedTuple):
     """Looks at a door at such hours: visits, and whole hours in which its state was known."""
 
     looks: int
@@ -321,9 +321,9 @@ class LooksThen(NamedTuple):
         return _interval(self.found_open, self.looks)[1]
 
 
-def looks_then(
+def looks_at_hour(
     evidence: DoorEvidence, clock: LocalClock, *, time_ns: int, known_ns: int
-) -> LooksThen:
+) -> LooksAtHour:
     """Return the looks at a door at about that time of day, on working days or at weekends.
 
     Args:
@@ -343,7 +343,7 @@ def looks_then(
     apart_h = np.abs((wall_h - then_h + 12) % 24 - 12)
     alike = _is_workday(wall_h) == _is_workday(then_h)
     counts = (apart_h <= REACH_H) & alike & (times_ns > known_ns - BACK_NS)
-    return LooksThen(int(counts.sum()), int(is_open[counts].sum()))
+    return LooksAtHour(int(counts.sum()), int(is_open[counts].sum()))
 
 
 def _hours(known: KnownTime, known_ns: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:

@@ -45,7 +45,7 @@ from semmap_log.core.texts import counted
 from semmap_log.errors import PlanError
 from semmap_log.log.door_log.door_log import DoorLog, Time
 
-ASKED_P = 0.5
+ON_REQUEST_P = 0.5
 """P(a shut door opens for who asks) where nobody has tried; the answer says that it is assumed."""
 LEAST_SHUT = 0.001
 LONGEST_TRIP_S = 3600.0
@@ -295,7 +295,7 @@ class _Trip:
         if self._asked is None:
             return 0.0
         if not self._asked.is_known[row]:
-            return ASKED_P
+            return ON_REQUEST_P
         passes = float(self._asked.p_passes[row, 0])
         return min(1.0, max(0.0, (passes - p_open) / max(1 - p_open, LEAST_SHUT)))
 
@@ -336,7 +336,7 @@ class _Trip:
                 if not self._asked.is_known[row]
             ]  # fmt: skip
             if untried:
-                notes.append(f"never asked for: {', '.join(untried)}; counted as {ASKED_P:g}")
+                notes.append(f"never asked for: {', '.join(untried)}; counted as {ON_REQUEST_P:g}")
         if not math.isfinite(policy.expected_s):
             notes.append(
                 "no expected time: each way leads through a door whose wait when shut is unknown"

@@ -40,7 +40,7 @@ from semmap_log.log.door_log.door_log import DoorLog
 
 AT_DOOR_M = 2.0
 """The largest distance from a door's middle of a robot that stands before it."""
-OTHER_THEN = "what happened before came later, or was taken back"
+PAST_CHANGED = "what happened before came later, or was taken back"
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,8 +113,8 @@ class FollowedRound:
         """
         known = self._taken
         if Retracted in batch:
-            known = self._without_taken_back(batch)
-            self._begun.news.learn_anew(self._log(), int(batch.number[-1]))
+            known = self._without_retracted(batch)
+            self._begun.news.relearn(self._log(), int(batch.number[-1]))
         else:
             self._begun.news.take_in(batch)
         new = [one for one in batch if self._counts(one)]
@@ -123,9 +123,9 @@ class FollowedRound:
         if len(known) == len(self._taken) and ordered[: len(known)] == known and not is_late:
             self._taken = ordered
             return self._steps(ordered[len(known) :])
-        return self._anew(ordered, batch)
+        return self._redo_round(ordered, batch)
 
-    def _without_taken_back(self, batch: EventBatch) -> list[RecordedEvent]:
+    def _without_retracted(self, batch: EventBatch) -> list[RecordedEvent]:
         hidden = Retractions()
         hidden.apply(batch)
         return [one for one in self._taken if hidden.first_hiding(one.number) is None]
@@ -147,7 +147,7 @@ class FollowedRound:
         self._robot = self._begun.plan.start
         self._is_finished = False
 
-    def _anew(self, events: list[RecordedEvent], batch: EventBatch) -> list[RoundStep]:
+    def _redo_round(self, events: list[RecordedEvent], batch: EventBatch) -> list[RoundStep]:
         """Go through the round again; if that leads elsewhere, it is one step."""
         before = self._now()
         self._restart()
@@ -156,7 +156,7 @@ class FollowedRound:
             self._apply(one)
         if self._now() == before or not len(batch):
             return []
-        return [self._step(int(batch.number[-1]), int(batch.folds_ns[-1]), OTHER_THEN)]
+        return [self._step(int(batch.number[-1]), int(batch.folds_ns[-1]), PAST_CHANGED)]
 
     def _steps(self, events: Iterable[RecordedEvent]) -> list[RoundStep]:
         steps = []

@@ -136,7 +136,7 @@ class PatrolRound:
             door: Which.
             p_passes: (k,): at the times of the `RoundTask`.
         """
-        when_s = self._comes_s(door)
+        when_s = self._eta_s(door)
         expected = self._expects(door, when_s)
         rows = self._task.p_passes.copy()
         rows[door] = p_passes
@@ -179,7 +179,7 @@ class PatrolRound:
         if not np.isin(target.doors, self._order).any():
             self._order = self._with(door)
 
-    def _comes_s(self, door: int) -> float:
+    def _eta_s(self, door: int) -> float:
         """Return when the robot comes to a door by the plan; now, where it is not in the order."""
         if door not in self._order:
             return self.now_s

@@ -140,7 +140,7 @@ def begun_round(
     passing = None
     if options.asks:
         passing = log.fold(PassingProjection(query.estimator, query.clock.tz), at)
-    return RoundPlanner(AskedRound(query, start_ns, passing), ways, options, where).begun(wanted)
+    return RoundPlanner(RoundQuery(query, start_ns, passing), ways, options, where).begun(wanted)
 
 
 def _start_place(
@@ -149,12 +149,12 @@ def _start_place(
     if start_at is not None:
         return names.place(start_at, "--from")
     last = log.fold(LastPoseProjection(), at)
-    if last is None or _was_mapped_anew(log, last[1].level, last[0], at):
+    if last is None or _was_remapped(log, last[1].level, last[0], at):
         return None
     return last[1]
 
 
-def _was_mapped_anew(log: DoorLog, level: int, since_ns: int, at: Moment | None) -> bool:
+def _was_remapped(log: DoorLog, level: int, since_ns: int, at: Moment | None) -> bool:
     """Return whether a level got another floor map since, on which older places are invalid."""
     since = Moment(ns=max(since_ns, log.horizon_ns()))
     then, now = (log.replay(at=moment).levels.get(level) for moment in (since, at))
@@ -169,7 +169,7 @@ A_WAY_S = 30.0
 
 
 @dataclass(frozen=True, slots=True)
-class AskedRound:
+class RoundQuery:
     """The beliefs, and the start of the round."""
 
     query: BeliefQuery
@@ -217,7 +217,7 @@ class RoundPlanner:
     """Plans one round, and learns of its doors while the robot is under way."""
 
     def __init__(
-        self, asked: AskedRound, ways: WaysBetween, options: PatrolOptions, where: Place | None
+        self, asked: RoundQuery, ways: WaysBetween, options: PatrolOptions, where: Place | None
     ) -> None:
         self._query = asked.query
         self._passing = asked.passing
@@ -259,7 +259,7 @@ class RoundPlanner:
         )
         for shut in round_.left_out:
             rows = [reached[door].row for door in shut.doors]
-            said = shut_in_words(self._chosen, rows)
+            said = shut_text(self._chosen, rows)
             left_out.append(NotVisited(targets[int(shut.name)].name, "shut", said))
         left_out += [
             NotVisited(targets[int(late.name)].name, "budget", "reached after the budget")
@@ -288,7 +288,7 @@ class RoundPlanner:
             entry.target, entry.door, entry.place, tuple(others), arrives_ns, planned.p_passes,
             low, high, bool(chances.is_known[entry.row]),
             self._wait_s(entry.door.door_id, arrives_ns),
-            why_then(chances, entry.row, planned, self._options.skip),
+            why_tried(chances, entry.row, planned, self._options.skip),
         )  # fmt: skip
 
     def _made(self, stops: list[PlannedStop], left_out: list[NotVisited]) -> PatrolPlan:
@@ -440,7 +440,7 @@ class RoundNews:
         if self.passing is not None:
             self.passing.evidence.apply(passings_in(batch))
 
-    def learn_anew(self, log: DoorLog, event: int) -> None:
+    def relearn(self, log: DoorLog, event: int) -> None:
         """Learn from a log again, up to an event that retracted some of it."""
         estimator, tz = self.query.estimator, self.query.clock.tz
         beliefs = log.fold(BeliefProjection(estimator, tz), event=event)
@@ -468,10 +468,10 @@ CHANGES_BY = 0.15
 HOUR_S = 3600.0
 
 
-def why_then(chances: DoorChances, row: int, planned: PlannedTry, skip: SkipRule) -> str:
+def why_tried(chances: DoorChances, row: int, planned: PlannedTry, skip: SkipRule) -> str:
     """Return why a door is tried then."""
     if skip.seem_shut(chances)[row]:
-        return f"seems shut, {unseen_in_words(float(chances.unseen_s[row]))}: looked at again"
+        return f"seems shut, {unseen_text(float(chances.unseen_s[row]))}: looked at again"
     if not chances.is_known[row]:
         return "UNKNOWN: too little seen of it"
     now = float(chances.p_passes[row, 0])
@@ -481,16 +481,16 @@ def why_then(chances: DoorChances, row: int, planned: PlannedTry, skip: SkipRule
     return "likely open" if planned.p_passes >= EXPECTED_P else "more likely shut: worth a try"
 
 
-def shut_in_words(chances: DoorChances, rows: Sequence[int]) -> str:
+def shut_text(chances: DoorChances, rows: Sequence[int]) -> str:
     """Return why a target is left out all whose doors seem shut."""
     looks, found_open = (int(each) for each in chances.looks[list(rows)].sum(axis=0))
     high = max(float(chances.looks_high[row]) for row in rows)
-    unseen = unseen_in_words(max(float(chances.unseen_s[row]) for row in rows))
+    unseen = unseen_text(max(float(chances.unseen_s[row]) for row in rows))
     at_looks = f"at {looks - found_open} of {looks} looks at such hours"
     return f"shut {at_looks}, open at most {high:.2f} of the time; {unseen}"
 
 
-def unseen_in_words(seconds: float) -> str:
+def unseen_text(seconds: float) -> str:
     """Return how long ago a door was last seen."""
     if not math.isfinite(seconds):
         return "never looked at"

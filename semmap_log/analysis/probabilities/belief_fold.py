@@ -79,8 +79,8 @@ class Beliefs:
         """
         wanted_ns = self.evidence.latest_ns if until_ns is None else until_ns
         if self._learnt is not None:
-            learnt, words, until_then_ns = self._learnt
-            if words == len(self.evidence) and wanted_ns <= until_then_ns:
+            learnt, words, learnt_until_ns = self._learnt
+            if words == len(self.evidence) and wanted_ns <= learnt_until_ns:
                 return learnt
         learnt = self.estimator.learn(self.evidence.up_to(wanted_ns), self.clock)
         self._learnt = learnt, len(self.evidence), wanted_ns

@@ -208,7 +208,9 @@ class DoorWays:
             spot = floor.before(door, side)
             if spot is not None:
                 yield side, len(self._nodes)
-                self._nodes.append(_Node(floor.level, replace(spot, beside_m=0.0), spot.beside_m))
+                self._nodes.append(
+                    _Node(floor.level, replace(spot, from_cell_m=0.0), spot.from_cell_m)
+                )
 
     def _through_doors(self) -> Iterable[_Passage]:
         for door_id, sides in self._at_door.items():
@@ -339,8 +341,8 @@ class MeasuredParts:
         rows, row_of = np.unique(starts, return_inverse=True)
         columns, column_of = np.unique(ends, return_inverse=True)
         costs = self._costs(part, rows, columns)[np.ix_(row_of, column_of)]
-        beside = np.array([[spot.beside_m] for spot in sources])
-        beside = beside + np.array([[spot.beside_m for spot in targets]])
+        beside = np.array([[spot.from_cell_m] for spot in sources])
+        beside = beside + np.array([[spot.from_cell_m for spot in targets]])
         found: Metres = costs * self._floors[part[0]].metres + beside
         return found
 

@@ -62,7 +62,7 @@ def room_names(
     return found
 
 
-def rooms_told(door: Door) -> tuple[str, str] | None:
+def annotated_rooms(door: Door) -> tuple[str, str] | None:
     """Return the names of a door's left and right room by its annotation; "": unnamed.
 
     None: there is no annotation, or not of two names.
@@ -116,7 +116,7 @@ def _votes(
     room: RoomId, doorway: Doorway, door: Door, *, only: str | None = None
 ) -> dict[str, int]:
     """Return a door's votes for a room's name: more for that on its side, fewer for the other."""
-    told = rooms_told(door) or ("", "")
+    told = annotated_rooms(door) or ("", "")
     left, right = (ON_ITS_SIDE, ON_THE_OTHER) if room == doorway.left else (
         ON_THE_OTHER, ON_ITS_SIDE
     )  # fmt: skip

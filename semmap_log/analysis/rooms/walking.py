@@ -51,7 +51,7 @@ class WalkingDistances:
             CostmapError: The plan is rotated against its grid, or has too many cells of that size;
                 or a number is invalid.
         """
-        _refuse_odd({"radius_m": radius_m, "cell_m": cell_m})
+        _check_in_range({"radius_m": radius_m, "cell_m": cell_m})
         on_level = placed_on(doors).get(floor.level, [])
         self._level = floor.level
         walking = WalkingFloor(floor, on_level, radius_m=radius_m, cell_m=cell_m)
@@ -123,7 +123,7 @@ class TravelTimes:
             CostmapError: A plan is rotated against its grid, or has too many cells of that size;
                 or a number is invalid.
         """
-        _refuse_odd(
+        _check_in_range(
             {"radius_m": radius_m, "cell_m": cell_m, "ride_s": ride_s, "speed_m_s": speed_m_s}
         )
         placed = placed_on(doors)
@@ -180,7 +180,7 @@ class TravelTimes:
         return self._ways.before(door_id, LEFT), self._ways.before(door_id, RIGHT)
 
 
-def _refuse_odd(numbers: Mapping[str, float]) -> None:
+def _check_in_range(numbers: Mapping[str, float]) -> None:
     """Check that the robot's radius and speed are possible.
 
     Raises:

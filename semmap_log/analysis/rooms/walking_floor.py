@@ -48,7 +48,7 @@ class Spot:
     """Which connected part of the floor it lies in."""
     flat: int
     """Row x width + column."""
-    beside_m: float
+    from_cell_m: float
     """How far the point is from the cell's centre."""
 
 

@@ -81,7 +81,7 @@ class Sights:
     """(p,) how many beams towards the line ended well before it."""
     beside: DoorBeams
     """To the wall at both ends of the line."""
-    beside_looks: Floats
+    side_looks: Floats
     """(p,)"""
     over: DoorBeams
     """The beams to that wall that cross the floor where a leaf swung towards the laser would stand;
@@ -118,7 +118,7 @@ def sights_of(stack: ScanStack, lines: Floats, pairs: Pairs, model: ScanModel) -
         (np.full(len(width), -model.beside), np.full(len(width), -model.margin)),
         (width + model.margin, width + model.beside),
     ]
-    walls = _towards(stack, near, outer, model.beside_beams)
+    walls = _towards(stack, near, outer, model.side_beams)
     beside = _beams(stack, near, walls, model)
     over = beside.only(_is_over(beside) & (beside.reaches | _swept(beside)))
     beside = beside.only(beside.reaches & beside.came_back)

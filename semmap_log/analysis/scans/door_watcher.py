@@ -78,7 +78,7 @@ class DoorWatcher:
             by_robot[scan.robot].append(scan)
         for robot, its in by_robot.items():
             done += self._robot(robot).take(its, known)
-        return [visit for visit in _sorted(done) if not self._is_told(visit)]
+        return [visit for visit in _sorted(done) if not self._is_reported(visit)]
 
     def close(self) -> list[Visit]:
         """Return the unfinished visits, and end them."""
@@ -102,7 +102,7 @@ class DoorWatcher:
         gone = self._doors.changed_since(before)
         return [v for robot in self._robots.values() for v in robot.leave(before, gone)]
 
-    def _is_told(self, visit: Visit) -> bool:
+    def _is_reported(self, visit: Visit) -> bool:
         """Return whether another laser of the robot already reported this passage."""
         if not visit.passed:
             return False

@@ -145,7 +145,7 @@ def _hinged() -> Iterable[Stand]:
     yield (), 1.0, 3.0 * (1 - 4 * WALLED)
     for leaf in _swung(0.5, 1.0):
         yield (_wall_behind(leaf),), 1.0, 3.0 * WALLED
-    yield from _somebody(0.1)
+    yield from _occupied(0.1)
 
 
 def _wall_behind(leaf: Leaf) -> Leaf:
@@ -157,7 +157,7 @@ def _wall_behind(leaf: Leaf) -> Leaf:
     return Leaf(1 - leaf.x, side * radians(95 if leaf.x else 85), WALL)
 
 
-def _somebody(weight: float) -> Iterable[Stand]:
+def _occupied(weight: float) -> Iterable[Stand]:
     """Yield an open door half of which is filled by somebody who stands in it."""
     for x in STANDING_AT:
         yield (Leaf(x, 0, 0.5),), 1.0, weight
@@ -215,7 +215,7 @@ def _folding() -> Iterable[Stand]:
             )
             yield panel, 1 - cos(angle), 0.25
     yield (), 1.0, 1.0
-    yield from _somebody(0.1)
+    yield from _occupied(0.1)
 
 
 _STANDS = (("sliding", _sliding), ("telescop", _sliding), ("fold", _folding), ("double", _double))

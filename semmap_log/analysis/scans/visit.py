@@ -93,7 +93,7 @@ def visit_key(visit: Visit) -> tuple[object, ...]:
     return (visit.door_id, visit.first_ns, visit.passed, visit.robot, visit.laser)
 
 
-def folder_beside(log: PurePath) -> Path:
+def scans_folder(log: PurePath) -> Path:
     """Return the folder where the scans of a log are kept, whether it is there or not."""
     folder = Path(log).resolve()
     return folder.with_name(folder.name + FOLDER_SUFFIX)
@@ -263,7 +263,7 @@ class ScanModel:
     """A beam that ended further beyond the line ended in the room, whatever the pose."""
     beside: float = 0.7
     """How far from a door's ends the wall is looked at."""
-    beside_beams: int = 4
+    side_beams: int = 4
     """Used of the wall at each end."""
 
     short: float = 0.15

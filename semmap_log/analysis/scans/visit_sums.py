@@ -90,7 +90,7 @@ class VisitSums:
         self.near += look * float(sums.near[row])
         self.behind += look * float(sums.behind[row])
         self.sides.add(1 if sums.left[row] else -1)
-        beside = scan.fresh * float(sights.beside_looks[row])
+        beside = scan.fresh * float(sights.side_looks[row])
         self.walls += beside * sums.walls[row]
         if row in sums.over:
             self.table += beside * sums.over[row]

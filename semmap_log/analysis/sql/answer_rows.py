@@ -17,7 +17,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from semmap_log.core.arrow.arrow_sdk import pa, pq
-from semmap_log.core.io.disk import output_errors, whole_file
+from semmap_log.core.io.disk import atomic_file, output_errors
 from semmap_log.core.model.moments import format_utc
 from semmap_log.core.texts import counted
 from semmap_log.errors import FormatError
@@ -32,7 +32,7 @@ def write_answer(answer: pa.Table, out: Path) -> None:
     """
     write = writer_for(out)
     try:
-        with output_errors(out), whole_file(out) as temporary:
+        with output_errors(out), atomic_file(out) as temporary:
             write(answer, temporary)
     except (pa.ArrowNotImplementedError, pa.ArrowInvalid) as error:
         raise FormatError(out, f"{error}; write it as .csv or .json.") from None

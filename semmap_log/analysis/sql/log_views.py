@@ -54,7 +54,7 @@ from semmap_log.core.model.meaning import FIELDS
 from semmap_log.core.model.moments import SECOND_NS, parse_duration
 from semmap_log.log.door_log.door_log import DoorLog, Time
 from semmap_log.log.door_log.queries import LogPart
-from semmap_log.store.pages import bits_of_kinds
+from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.window import Window
 
 
@@ -119,7 +119,7 @@ def query_schema(columns: Sequence[Column], *more: pa.Field) -> pa.Schema:
     return pa.schema([*fields, *more])
 
 
-def made_tables(columns: Sequence[Column], rows: Iterable[Sequence[Any]]) -> Iterator[pa.Table]:
+def rows_as_tables(columns: Sequence[Column], rows: Iterable[Sequence[Any]]) -> Iterator[pa.Table]:
     """Yield rows as tables: NaN becomes null, an instant is nanoseconds UTC.
 
     Args:
@@ -128,11 +128,11 @@ def made_tables(columns: Sequence[Column], rows: Iterable[Sequence[Any]]) -> Ite
     """
     waiting = iter(rows)
     while part := list(islice(waiting, AT_ONCE)):
-        yield made_table(columns, part)
+        yield rows_as_table(columns, part)
 
 
-def made_table(columns: Sequence[Column], rows: Sequence[Sequence[Any]]) -> pa.Table:
-    """Return rows as one table: see `made_tables`."""
+def rows_as_table(columns: Sequence[Column], rows: Sequence[Sequence[Any]]) -> pa.Table:
+    """Return rows as one table: see `rows_as_tables`."""
     values = list(zip(*rows, strict=True)) or [()] * len(columns)
     arrays = [
         pa.array(each, type_of(column), from_pandas=True)
@@ -166,7 +166,7 @@ def interval_tables(log: DoorLog, doors: Collection[DoorId] | None) -> Tables:
         for door_id, timeline in found.items()
         for each in timeline
     )  # fmt: skip
-    return made_tables(INTERVALS, rows)
+    return rows_as_tables(INTERVALS, rows)
 
 
 def change_tables(log: DoorLog, window: Window, doors: Collection[DoorId] | None) -> Tables:
@@ -179,17 +179,17 @@ def change_tables(log: DoorLog, window: Window, doors: Collection[DoorId] | None
     """
     names = log.door_names()
     rows = (row for entry in log.history_in(window, doors) for row in _change_rows(entry, names))
-    return made_tables(CHANGES, rows)
+    return rows_as_tables(CHANGES, rows)
 
 
 def commit_tables(log: DoorLog) -> Tables:
     """Yield the commits, in order."""
-    return made_tables(COMMITS, map(_commit_row, log.commits()))
+    return rows_as_tables(COMMITS, map(_commit_row, log.commits()))
 
 
 def patrol_tables(log: DoorLog) -> Tables:
     """Yield the rounds, in the order of their first events."""
-    return made_tables(PATROLS, map(_round_row, rounds(log.history(kinds=ROUND_KINDS))))
+    return rows_as_tables(PATROLS, map(_round_row, rounds(log.history(kinds=ROUND_KINDS))))
 
 
 def pose_tables(log: DoorLog, window: Window) -> Tables:
@@ -211,7 +211,7 @@ def pose_tables(log: DoorLog, window: Window) -> Tables:
         yield pa.table(arrays)
 
 
-POSE_BITS = bits_of_kinds([RobotPose])
+POSE_BITS = kinds_mask([RobotPose])
 
 
 def _change_rows(entry: HistoryEntry, names: dict[DoorId, str]) -> Iterator[tuple[Any, ...]]:
@@ -373,7 +373,7 @@ BELIEF_SCHEMA = query_schema(BELIEFS)
 def door_table(door_map: DoorMap) -> pa.Table:
     """Return the doors of a map, ids ascending, by `DOOR_SCHEMA`."""
     doors = list(door_map.doors.values())
-    table = made_table(DOORS, [tuple(_door_row(door, door_map)) for door in doors])
+    table = rows_as_table(DOORS, [tuple(_door_row(door, door_map)) for door in doors])
     said = pa.array([list(door.annotations.items()) for door in doors], TEXTS)
     return table.append_column(ANNOTATIONS.name, said).cast(DOOR_SCHEMA, safe=False)
 
@@ -391,7 +391,9 @@ def belief_table(log: DoorLog, at: Time, horizon: str | None = None) -> pa.Table
     """
     horizon_ns = 0 if horizon is None else parse_duration(horizon)
     found = probabilities(log, at=at, horizon_ns=horizon_ns)
-    return made_table(BELIEFS, [_belief_row(one) for one in found]).cast(BELIEF_SCHEMA, safe=False)
+    return rows_as_table(BELIEFS, [_belief_row(one) for one in found]).cast(
+        BELIEF_SCHEMA, safe=False
+    )
 
 
 def _door_row(door: Door, door_map: DoorMap) -> Iterator[Any]:
@@ -493,7 +495,7 @@ def possible_doors(log: DoorLog, asked: ScanRequest) -> list[DoorId] | None:
     names = [name for name in ("door_id", "door_name") if asked.filters_by(name)]
     if not names:
         return None
-    called = log.names_ever()
+    called = log.all_door_names()
     ids = sorted(called)
     gaps = [(one + 1, other - 1) for one, other in pairwise([-1, *ids, MAX_DOOR_ID + 1])]
     strangers = [equal("door_id", None), *(_ids(*gap) for gap in gaps if gap[0] <= gap[1])]
@@ -514,7 +516,7 @@ def possible_windows(log: DoorLog, asked: ScanRequest) -> list[Window]:
     if asked.filters_by("kind"):
         places = asked.possible([equal("kind", _text(kind.__name__)) for kind in KINDS])
         kinds = [KINDS[place] for place in places]
-    bits = bits_of_kinds(kinds)
+    bits = kinds_mask(kinds)
     if not kinds or not any(map(asked.filters_by, BOUNDED)):
         return [Window(kinds=bits)] if kinds else []
     segments = _possible_parts(log.parts(), asked)

@@ -35,7 +35,7 @@ from semmap_log.core.arrow.table import Column
 from semmap_log.core.texts import counted
 from semmap_log.errors import CommandError, KnownLaterWarning, SemmapError, SqlError
 from semmap_log.log.door_log.door_log import DoorLog, Time
-from semmap_log.log.door_log.known_later import known_later
+from semmap_log.log.door_log.recorded_later import recorded_later
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*", re.ASCII)
 TAKEN = {"main", "temp", "system", "memory", "pg_catalog", "information_schema"}
@@ -159,9 +159,9 @@ class Query:
             return ours
         said = str(error)
         if isinstance(error, duckdb.CatalogException):
-            return SqlError(f"{said}\n{views_in_words([*self._logs])}")
+            return SqlError(f"{said}\n{views_text([*self._logs])}")
         if isinstance(error, duckdb.BinderException):
-            return SqlError(f"{said}\n{columns_in_words(self._query)}")
+            return SqlError(f"{said}\n{columns_text(self._query)}")
         if isinstance(error, duckdb.PermissionException):
             return SqlError(
                 f"{said}\nA query reads no files unless it is allowed to: --allow-files, or "
@@ -296,7 +296,7 @@ def _add_log(
         _Function("doors_at", ("moment",), DOOR_SCHEMA,
                   lambda at: door_table(log.replay(at=at))),
         _Function("doors_known_at", ("moment",), DOOR_SCHEMA,
-                  _KnownThen(log).table),
+                  _KnownAsOf(log).table),
         _Function("beliefs", ("moment := 'now'", "horizon := NULL"), BELIEF_SCHEMA,
                   lambda at, horizon: belief_table(log, at, horizon)),
     )  # fmt: skip
@@ -317,20 +317,20 @@ class _Function(NamedTuple):
     """Called with the moment, and the text of each other argument."""
 
 
-class _KnownThen:
+class _KnownAsOf:
     """The doors as they were known; it warns once if they were only recorded later."""
 
     def __init__(self, log: DoorLog) -> None:
         self._log = log
-        self._has_said = False
+        self._has_noted = False
 
     def table(self, known_at: Time) -> pa.Table:
         """Return them at a moment."""
         found = self._log.replay(known_at=known_at)
-        if not found.doors and not self._has_said:
+        if not found.doors and not self._has_noted:
             remedy = "with all that is known today, ask doors_at('{then}')"
-            if later := known_later(self._log, None, known_at, remedy=remedy):
-                self._has_said = True
+            if later := recorded_later(self._log, None, known_at, remedy=remedy):
+                self._has_noted = True
                 warnings.warn(f"doors_known_at: {later}", KnownLaterWarning, stacklevel=2)
         return door_table(found)
 
@@ -449,7 +449,7 @@ def columns_table() -> pa.Table:
     return pa.Table.from_pylist(rows)
 
 
-def views_in_words(logs: Sequence[str]) -> str:
+def views_text(logs: Sequence[str]) -> str:
     """Return the views of logs, which are given by their prefixes."""
     functions = [f"{name}('2h ago')" for name in FUNCTIONS]
     told = f"There are {', '.join([EVENTS, *VIEWS, *functions])}."
@@ -459,7 +459,7 @@ def views_in_words(logs: Sequence[str]) -> str:
     return f"{told} `describe events` shows the columns of one."
 
 
-def columns_in_words(query: str) -> str:
+def columns_text(query: str) -> str:
     """Return the columns of the views that a query names, or of all if it names none."""
     views = {name: [column.name for column in columns] for name, columns in COLUMNS_OF.items()}
     named = [name for name in views if re.search(rf"\b{name}\b", query, re.IGNORECASE)]

@@ -41,7 +41,7 @@ from semmap_log.core.model.commits import NOTE_TEXTS
 from semmap_log.core.model.events import DOOR_KINDS, KINDS, Event, FloorMap
 from semmap_log.core.model.meaning import PART_OF
 
-TextsThen = Mapping[str, tuple[NDArray[np.intp], Sequence[str]]]
+TextsAsOf = Mapping[str, tuple[NDArray[np.intp], Sequence[str]]]
 """Column of `THEN` -> of each event the place of its text among some; an empty one is null."""
 
 
@@ -51,7 +51,7 @@ def history_table(
     *,
     retracted: NDArray[np.bool_],
     commits: Commits | None = None,
-    then: TextsThen = MappingProxyType({}),
+    then: TextsAsOf = MappingProxyType({}),
 ) -> pa.Table:
     """Return some columns of events; the others are not made.
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.core.messages import comments_of
 from semmap_log.core.model.doors import DoorState
-from semmap_log.core.model.events import KINDS, Event, field_names, told_fields
+from semmap_log.core.model.events import KINDS, Event, field_names, public_fields
 from semmap_log.core.model.meaning import ALL_CHANGED, PART_OF, Changed
 from semmap_log.core.model.rules import Bits, Nanoseconds, OneOf, Rule, Text
 
@@ -131,7 +131,7 @@ def _rules() -> dict[str, tuple[type[Event], Rule]]:
     """Return each field of events, with the first kind that has it, and its rule there."""
     found: dict[str, tuple[type[Event], Rule]] = {}
     for kind in KINDS:
-        for name in told_fields(kind):
+        for name in public_fields(kind):
             found.setdefault(name, (kind, kind.rules.fields[name]))
     return found
 

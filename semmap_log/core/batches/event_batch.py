@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from semmap_log.core.batches.taken_columns import (
+from semmap_log.core.batches.columnar_events import (
     NO_TIME,
+    ColumnConstructor,
     LazyColumns,
-    MadeOfColumns,
     are_possible,
     as_type,
     check_rows,
@@ -145,7 +145,7 @@ class RecordedEvent:
 
 
 @dataclass(frozen=True, slots=True)
-class EventBatch(MadeOfColumns):
+class EventBatch(ColumnConstructor):
     """Events in order of their numbers, as numpy columns.
 
     `batch[DoorObserved]` gives that kind's own fields, `batch.where(DoorObserved)` the positions

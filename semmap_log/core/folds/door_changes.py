@@ -189,13 +189,13 @@ NOTHING = ""
 _NEVER = (0, -1)
 """Comes before every stamp."""
 _LEVEL_CHANGE = columns("door_id", "folds_ns", "number", "level")
-_TELLING_KINDS = (DoorAnnotated.kind, LevelAdded.kind)
+_NAMING_KINDS = (DoorAnnotated.kind, LevelAdded.kind)
 _ON_A_LEVEL = [kind.kind for kind in KINDS
                if kind.kind not in DOOR_KINDS and "level" in field_names(kind)]  # fmt: skip
 """Kinds that are about no door, and say on which level they happened."""
 
 
-class NamesThen:
+class NamesAsOf:
     """Takes events that set names and levels, in any order; then gives those of other events.
 
     A door's name is the last one set, since the door was added, by the time the event happened,
@@ -222,7 +222,7 @@ class NamesThen:
             ):
                 self._added[door_id] = (folds_ns[at], int(batch.number[at]))
         self._moves += parts_of(batch, _LEVEL_CHANGE, setting=int(Changed.POSE))
-        for told in _TELLING_KINDS:
+        for told in _NAMING_KINDS:
             for event, at in zip(
                 batch.objects.get(told, ()), batch.places_of(told).tolist(), strict=True
             ):
@@ -293,7 +293,7 @@ def _of_that_moment(batch: EventBatch) -> NDArray[np.int64]:
     return np.full(len(batch), np.iinfo(np.int64).max)
 
 
-def levels_told(batch: EventBatch) -> set[int]:
+def affected_levels(batch: EventBatch) -> set[int]:
     """Return the levels that events name, draw, or put new doors on."""
     found: set[int] = set()
     for kind in (kind for kind in ADDING_KINDS if kind in batch):
@@ -380,11 +380,11 @@ class LastWritten:
         early = np.flatnonzero(happened_ns <= self._last_ns.take(rows))
         if len(early):
             found[early] = self._values[
-                self._behind(rows[early], happened_ns[early], numbers[early]) - 1
+                self._beyond(rows[early], happened_ns[early], numbers[early]) - 1
             ]
         return found
 
-    def _behind(
+    def _beyond(
         self, rows: NDArray[np.intp], happened_ns: NDArray[np.int64], numbers: NDArray[np.int64]
     ) -> NDArray[np.intp]:
         """Return the place after the last change up to each stamp; 0: its key has none so early.
@@ -396,11 +396,11 @@ class LastWritten:
         while (is_open := low < high).any():
             middle = np.where(is_open, (low + high) // 2, 0)
             ns = self._happened_ns[middle]
-            is_by_then = (ns < happened_ns) | (
+            is_not_later = (ns < happened_ns) | (
                 (ns == happened_ns) & (self._numbers[middle] <= numbers)
             )
-            low = np.where(is_open & is_by_then, middle + 1, low)
-            high = np.where(is_open & ~is_by_then, middle, high)
+            low = np.where(is_open & is_not_later, middle + 1, low)
+            high = np.where(is_open & ~is_not_later, middle, high)
         return np.where(low > first, low, 0)
 
     def _rows(self, keys: Integers) -> NDArray[np.intp]:

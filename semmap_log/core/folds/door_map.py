@@ -183,7 +183,7 @@ class DoorMapState:
 
     def since_added(self, key: str) -> dict[DoorId, str]:
         """Return each door's text under a key, set since it was added; ids ascending."""
-        said = self._annotations.said_under(key)
+        said = self._annotations.texts_under(key)
         return {i: text for i, (stamp, text) in said.items()
                 if (added := self.stamp(i, "added")) is not None and stamp > added}  # fmt: skip
 

@@ -103,7 +103,7 @@ class EarlyEvents:
             return EarlyEvents.none()
         return EarlyEvents({door_id: self.counts[door_id]}, {door_id: self.first_ns[door_id]})
 
-    def in_words(self, names: Mapping[DoorId, str], since: str) -> str:
+    def as_text(self, names: Mapping[DoorId, str], since: str) -> str:
         """Return how many there are, and of which doors.
 
         Args:

@@ -273,13 +273,13 @@ class HistoryEntry(ShownAsTable):
         return self.event.door_id if isinstance(self.event, DoorEvent) else None
 
 
-SaidOf = Callable[[NDArray[np.int64]], Iterable[tuple[NoteTexts, bytes]]]
+NoteTextsOf = Callable[[NDArray[np.int64]], Iterable[tuple[NoteTexts, bytes]]]
 """Event numbers, ascending -> of each who and why, and the id of its command."""
 
 
 def history(
     batches: Iterable[EventBatch],
-    said_of: SaidOf,
+    note_texts_of: NoteTextsOf,
     retractions: Retractions,
     changes_in: Callable[[EventBatch], Changes] | None = None,
 ) -> Iterator[HistoryEntry]:
@@ -287,14 +287,14 @@ def history(
 
     Args:
         batches: Events, numbers ascending; gaps allowed.
-        said_of: Returns the notes of the commits; called once a batch.
+        note_texts_of: Returns the notes of the commits; called once a batch.
         retractions: What is hidden; it is shown here, and marked.
         changes_in: Returns what the events of a batch changed; None: changes are left out.
     """
     for batch in batches:
         changes = changes_in(batch) if changes_in is not None else {}
         hidden = retractions.hidden(batch).tolist()
-        said = said_of(batch.number)
+        said = note_texts_of(batch.number)
         for recorded, is_hidden, (note, command_id) in zip(batch, hidden, said, strict=True):
             actor, source, reason, correlation = note
             yield HistoryEntry(

@@ -267,8 +267,8 @@ class DoorsPresent(Mapping[DoorId, Door]):
             now, then = column[at], before._columns[name][there]
             differs |= (now != then) & ~((now != now) & (then != then))  # noqa: PLR0124 - NaN
         said, old = self._said(), before._said()
-        told_anew = {i for i in said.keys() | old if said.get(i) != old.get(i)}
-        changed = {*common[differs].tolist(), *np.setdiff1d(mine, theirs).tolist(), *told_anew}
+        text_changed = {i for i in said.keys() | old if said.get(i) != old.get(i)}
+        changed = {*common[differs].tolist(), *np.setdiff1d(mine, theirs).tolist(), *text_changed}
         gone = np.setdiff1d(theirs, mine).tolist()
         return (
             [DoorId(i) for i in sorted(changed) if i in self._places],
@@ -369,7 +369,7 @@ class Annotations:
         told = self.get(_NO_DOOR, _DEFINES + name)
         return None if told is None else told[0]
 
-    def said_under(self, key: str) -> dict[DoorId, tuple[Stamp, str]]:
+    def texts_under(self, key: str) -> dict[DoorId, tuple[Stamp, str]]:
         """Return each door's text under a key, and its stamp; ids ascending."""
         said = sorted(self._unpacked().items())
         return {DoorId(door_id): texts[key] for door_id, texts in said if key in texts}

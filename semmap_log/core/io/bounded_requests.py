@@ -103,7 +103,7 @@ def _peak_bytes() -> int:
     return peak if sys.platform == "darwin" else peak * 1024
 
 
-_asked_in: list[int] = []
+_queried_in: list[int] = []
 """The process that first queried a store."""
 
 
@@ -113,9 +113,9 @@ def check_not_forked(url: UrlPath) -> None:
     Raises:
         LogAccessError: The process that it was forked from has queried one before.
     """
-    if not _asked_in:
-        _asked_in.append(os.getpid())
-    elif _asked_in[0] != os.getpid():
+    if not _queried_in:
+        _queried_in.append(os.getpid())
+    elif _queried_in[0] != os.getpid():
         raise LogAccessError(
             f"{url}: this process was forked from one that had used a store, and would hang; "
             "start it another way: multiprocessing.get_context('spawn') or 'forkserver'."

@@ -55,7 +55,7 @@ def copy_folder(
         if differing := _differing(shipped, target, made):
             raise _is_another(target, kind, f" ({differing} differs)")
         return False
-    with output_errors(target), whole_folder(target) as temporary:
+    with output_errors(target), atomic_folder(target) as temporary:
         shutil.copytree(shipped, temporary, ignore=shutil.ignore_patterns(*made))
         finish(temporary)
     return True
@@ -159,7 +159,7 @@ def log_name(log: PurePath) -> str:
     return utf8_name(log.resolve() if isinstance(log, Path) else log)
 
 
-def refuse_own_folder(folder: PurePath, out: Path) -> None:
+def check_outside_log(folder: PurePath, out: Path) -> None:
     """Keep what is made from a log out of the log's folder, where everything is the log's.
 
     Args:
@@ -190,7 +190,7 @@ def output_errors(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path) -> Iterator[Path]:
     """Yield a new, empty file next to `path`; on success it takes the name, synced, at once.
 
     Its name is nobody else's, and no link that somebody put there is followed. Where `path` is a
@@ -200,8 +200,8 @@ def whole_file(path: Path) -> Iterator[Path]:
     Raises:
         OutputError: At `path` is a device, pipe or socket: those are never replaced.
     """
-    refuse_special(path)
-    temporary = new_beside(path)
+    check_not_special(path)
+    temporary = new_sibling(path)
     try:
         yield temporary
         sync_file(temporary)
@@ -213,7 +213,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_folder(path: Path) -> Iterator[Path]:
+def atomic_folder(path: Path) -> Iterator[Path]:
     """Yield a path for a new folder of the same name; on success it takes its place, synced.
 
     It is in a temporary folder next to `path`. On any error that is removed, with all in it.
@@ -225,7 +225,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
     if os.path.lexists(path):
         raise OutputError(f"{path}: is there already; remove it, or choose another name.")
-    around = _made_beside(path, _make_folder)
+    around = _made_sibling(path, _make_folder)
     temporary = around / path.name
     try:
         yield temporary
@@ -237,7 +237,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 def replace_file(path: Path, data: bytes) -> None:
     """Put a file of these bytes in place of `path`, whole or not at all, synced."""
-    with whole_file(path) as temporary, _new_file(temporary) as file:
+    with atomic_file(path) as temporary, _new_file(temporary) as file:
         file.write(data)
 
 
@@ -289,7 +289,7 @@ def read_own(path: Path, most: int = MOST_OWN_BYTES) -> bytes:
         return file.read(status.st_size)  # the buffer is as large as the argument
 
 
-def refuse_special(path: Path) -> None:
+def check_not_special(path: Path) -> None:
     """Keep devices, pipes and sockets from being replaced by a file.
 
     Raises:
@@ -306,16 +306,16 @@ def refuse_special(path: Path) -> None:
         )
 
 
-def new_beside(path: Path) -> Path:
+def new_sibling(path: Path) -> Path:
     """Make an empty file next to `path`, under a unique name, and return that name.
 
     Raises:
         OSError: The folder does not accept one.
     """
-    return _made_beside(path, _make_file)
+    return _made_sibling(path, _make_file)
 
 
-def name_beside(path: Path, suffix: str = TEMPORARY_SUFFIX) -> Path:
+def sibling_name(path: Path, suffix: str = TEMPORARY_SUFFIX) -> Path:
     """Return a unique name next to `path`.
 
     The process id in it shows whether its process still runs; the token keeps threads apart.
@@ -324,9 +324,9 @@ def name_beside(path: Path, suffix: str = TEMPORARY_SUFFIX) -> Path:
     return path.with_name(f"{_stem(path)}.{os.getpid()}.{token}{suffix}")
 
 
-def _made_beside(path: Path, make: Callable[[Path], None]) -> Path:
+def _made_sibling(path: Path, make: Callable[[Path], None]) -> Path:
     while True:
-        temporary = name_beside(path)
+        temporary = sibling_name(path)
         with suppress(FileExistsError):  # somebody foresaw it; the next one is another
             make(temporary)
             return temporary
@@ -350,7 +350,7 @@ def _stem(path: Path) -> str:
 
 
 def _new_file(path: Path) -> BinaryIO:
-    """Open the file that `whole_file` made."""
+    """Open the file that `atomic_file` made."""
     return os.fdopen(os.open(path, os.O_WRONLY | NO_LINK | PLAIN), "wb")
 
 

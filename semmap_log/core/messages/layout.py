@@ -146,7 +146,7 @@ def _angle_of(z: float, w: float) -> float:
     The arc tangent may be off by a bit; a map that is copied from log to log must not turn.
     """
     angle = below = above = 2 * math.atan2(z, w)
-    for _ in range(BITS_BESIDE):
+    for _ in range(NEXT_FLOATS):
         below, above = math.nextafter(below, -math.inf), math.nextafter(above, math.inf)
         for near in (angle, below, above):
             if (math.sin(near / 2), math.cos(near / 2)) == (z, w):
@@ -154,7 +154,7 @@ def _angle_of(z: float, w: float) -> float:
     return angle
 
 
-BITS_BESIDE = 2
+NEXT_FLOATS = 2
 """So many floats on either side are tried: enough for every angle from -pi to pi."""
 
 
@@ -173,7 +173,7 @@ class Layout:
         """Return the CDR bytes of these field values, in the order of `fields`."""
         return self.packer.pack(CDR_HEADER, *values)
 
-    def packer_behind(self, prefix: struct.Struct, count: int = 1) -> struct.Struct:
+    def packer_after(self, prefix: struct.Struct, count: int = 1) -> struct.Struct:
         """Return what packs such a message together with fixed fields before it, in one call.
 
         Args:

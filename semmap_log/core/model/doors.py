@@ -155,10 +155,10 @@ class ObjectClass:
         try:
             return known[text.strip().upper()]
         except KeyError:
-            raise ValueError(f"expected one of {self.words_told}, got {text!r}") from None
+            raise ValueError(f"expected one of {self.state_words}, got {text!r}") from None
 
     @property
-    def words_told(self) -> str:
+    def state_words(self) -> str:
         """What all states are called that its objects can be in, with blanks between."""
         return " ".join(self.word(state) for state in DoorState if self.has(state))
 
@@ -229,7 +229,7 @@ def outline_text(corners: Sequence[tuple[float, float]]) -> str:
     return " ".join(f"{x!r},{y!r}".replace(".0,", ",").removesuffix(".0") for x, y in corners)
 
 
-def outline_told(text: str) -> Corners:
+def parse_outline(text: str) -> Corners:
     """Return the corners that such an annotation states.
 
     Raises:
@@ -388,7 +388,7 @@ class Door:
         if told is None or self.object_class.geometry is not Geometry.POLYGON:
             return ()
         try:
-            corners = outline_told(told)
+            corners = parse_outline(told)
         except ValueError:
             return ()
         cos, sin = math.cos(self.theta), math.sin(self.theta)

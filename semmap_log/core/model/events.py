@@ -500,7 +500,7 @@ def field_names(kind: type[Event]) -> tuple[str, ...]:
     return tuple(kind.rules.fields)
 
 
-def told_fields(kind: type[Event]) -> tuple[str, ...]:
+def public_fields(kind: type[Event]) -> tuple[str, ...]:
     """Return the names of those fields that are shown to others: all but salts."""
     return tuple(f.name for f in fields(kind) if f.repr and f.name != "happened_ns")
 

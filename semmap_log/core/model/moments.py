@@ -111,7 +111,7 @@ def parse_duration(text: str) -> int:
     return _decimal_ns(found["count"], _UNIT_NS[found["unit"]])
 
 
-def refuse_reversed(since_ns: int | None, until_ns: int | None) -> None:
+def check_ordered(since_ns: int | None, until_ns: int | None) -> None:
     """Refuse a span that ends before it begins; None: it is open there.
 
     Raises:

@@ -35,19 +35,19 @@ from semmap_log.fleet.jobs.dask_engine import DaskEngine
 from semmap_log.fleet.jobs.engine import TIMEOUT_S, Engine, NoAnswer, SerialEngine, WorkerDied
 from semmap_log.fleet.jobs.job import (
     TIME,
-    AskedLog,
     Holds,
     Job,
     LogAnswer,
     LogOutcome,
     LogQuestion,
+    QueriedLog,
     Told,
     answers,
     joined_answer,
 )
 from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.summary import labels_ever
-from semmap_log.log.replay.care import verify
+from semmap_log.log.door_log.summary import all_door_labels
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.replay.replay import Scope
 from semmap_log.store.verification import Severity
 
@@ -130,7 +130,7 @@ class OpeningsJob:
     def ask_part(self, log: DoorLog, part: int, parts: int, last_event: int) -> Told:
         """Return the rows of the doors whose number modulo `parts` is `part`."""
         scope = Scope(event=None if last_event < 0 else last_event)
-        labels = labels_ever(log.state_in(scope))
+        labels = all_door_labels(log.state_in(scope))
         doors = [door for door in labels if door % parts == part] if parts > 1 else None
         found = timelines(log.visible_batches(scope), doors)
         rows: dict[str, list[Any]] = {"door_id": [], "door": [], "hour": [], "openings": []}
@@ -325,7 +325,7 @@ class KeptAnswers:
             told = json.loads(line)
             if told["place"] != place:
                 return None
-            asked = AskedLog(**{**told, "outcome": LogOutcome(told["outcome"])})
+            asked = QueriedLog(**{**told, "outcome": LogOutcome(told["outcome"])})
             return LogAnswer(replace(asked, is_kept=True), pa.ipc.open_stream(table).read_all())
         except (ValueError, TypeError, KeyError, pa.ArrowException):
             return None
@@ -404,8 +404,8 @@ def ask_logs(engine: Engine, job: Job, questions: Sequence[LogQuestion]) -> Iter
     Raises:
         EngineError: The engine has gone.
     """
-    long: list[tuple[AskedLog, int]] = []
-    late: list[AskedLog] = []
+    long: list[tuple[QueriedLog, int]] = []
+    late: list[QueriedLog] = []
     for _, found in _asked(engine, job, questions):
         if found.parts:
             long.append((found.asked, found.parts))
@@ -420,7 +420,7 @@ def ask_logs(engine: Engine, job: Job, questions: Sequence[LogQuestion]) -> Iter
 
 
 def _in_parts(
-    engine: Engine, job: Job, long: Sequence[tuple[AskedLog, int]]
+    engine: Engine, job: Job, long: Sequence[tuple[QueriedLog, int]]
 ) -> Iterator[LogAnswer]:
     """Yield the answers of logs that are queried in parts; `long` holds (log, number of parts)."""
     parts = [
@@ -478,10 +478,10 @@ def _late(question: LogQuestion, late: NoAnswer) -> LogAnswer:
         f"no worker has answered for {late.within_s:g} s: one has died, or needs longer. Finished "
         "answers are kept; run again with a longer --timeout, or with --engine serial"
     )
-    return LogAnswer(AskedLog(question.place, LogOutcome.no_answer, text=text))
+    return LogAnswer(QueriedLog(question.place, LogOutcome.no_answer, text=text))
 
 
-def _given_up(asked: AskedLog, late: AskedLog) -> LogAnswer:
+def _given_up(asked: QueriedLog, late: QueriedLog) -> LogAnswer:
     """Return the answer of a long log whose parts are skipped, since another log was late."""
     return LogAnswer(replace(asked, outcome=late.outcome, text=late.text))
 
@@ -491,4 +491,4 @@ def _died(question: LogQuestion) -> LogAnswer:
         "each worker that was given it was ended, by its memory or by a crash; ask it alone: "
         "--engine serial"
     )
-    return LogAnswer(AskedLog(question.place, LogOutcome.worker_died, text=text))
+    return LogAnswer(QueriedLog(question.place, LogOutcome.worker_died, text=text))

@@ -49,13 +49,13 @@ class FleetProgress:
 class FleetAnswer:
     """What many logs answered."""
 
-    logs: tuple[AskedLog, ...]
+    logs: tuple[QueriedLog, ...]
     """What became of each log, in the order of the request."""
     table: pa.Table
     """The answers of those that gave one, in the same order; column `log` is the log's place."""
 
     @property
-    def bad(self) -> tuple[AskedLog, ...]:
+    def bad(self) -> tuple[QueriedLog, ...]:
         """The logs that gave no answer, or whose bytes are not as they were written."""
         return tuple(log for log in self.logs if not log.outcome.is_good)
 
@@ -105,7 +105,7 @@ class LogOutcome(str, Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class AskedLog:
+class QueriedLog:
     """A log, and what became of it."""
 
     place: str
@@ -203,7 +203,7 @@ def schema_of_job(job: Job) -> pa.Schema:
     return pa.schema([*LOG_FIELDS, *job.fields])
 
 
-def table_of_log(job: Job, asked: AskedLog, told: Told) -> pa.Table:
+def table_of_log(job: Job, asked: QueriedLog, told: Told) -> pa.Table:
     """Return a log's answer as a table of the job's schema."""
     schema = schema_of_job(job)
     rows = len(next(iter(told.rows.values()), []))
@@ -324,7 +324,7 @@ class LogQuestion:
 class LogAnswer:
     """What a worker returns."""
 
-    asked: AskedLog
+    asked: QueriedLog
     table: pa.Table | None = None
     """None: there is none."""
     parts: int = 0
@@ -343,7 +343,7 @@ def answers(job: Job, questions: Sequence[LogQuestion]) -> list[LogAnswer]:
     return [_answer(job, question) for question in questions]
 
 
-def joined_answer(job: Job, asked: AskedLog, parts: Sequence[Any]) -> LogAnswer:
+def joined_answer(job: Job, asked: QueriedLog, parts: Sequence[Any]) -> LogAnswer:
     """Return the answer of a log whose parts have answered.
 
     Args:
@@ -359,7 +359,7 @@ def joined_answer(job: Job, asked: AskedLog, parts: Sequence[Any]) -> LogAnswer:
 
 
 def _answer(job: Job, question: LogQuestion) -> LogAnswer:
-    asked = AskedLog(question.place, LogOutcome.ok)
+    asked = QueriedLog(question.place, LogOutcome.ok)
     try:
         reader = LogReader(place_of(question.place))
         asked = _described(asked, reader)
@@ -369,7 +369,7 @@ def _answer(job: Job, question: LogQuestion) -> LogAnswer:
         return LogAnswer(_without(asked, error), is_question_wrong=is_wrong)
 
 
-def _answered(job: Job, question: LogQuestion, reader: LogReader, asked: AskedLog) -> LogAnswer:
+def _answered(job: Job, question: LogQuestion, reader: LogReader, asked: QueriedLog) -> LogAnswer:
     log = DoorLog(reader)
     if question.parts:
         assert isinstance(job, PartedJob)
@@ -386,7 +386,7 @@ def _answered(job: Job, question: LogQuestion, reader: LogReader, asked: AskedLo
     return LogAnswer(asked, table)
 
 
-def _described(asked: AskedLog, reader: LogReader) -> AskedLog:
+def _described(asked: QueriedLog, reader: LogReader) -> QueriedLog:
     """Return the description of an opened log."""
     last, segments, info = reader.last_commit(), reader.segments, reader.info
     return replace(
@@ -409,7 +409,7 @@ _OUTCOMES: tuple[tuple[type[Exception], LogOutcome], ...] = (
 )
 
 
-def _without(asked: AskedLog, error: Exception) -> AskedLog:
+def _without(asked: QueriedLog, error: Exception) -> QueriedLog:
     """Return what became of a log that gave no answer."""
     found = next((kind for cls, kind in _OUTCOMES if isinstance(error, cls)), LogOutcome.failed)
     why = error.__cause__ or error.__context__

@@ -15,7 +15,7 @@ from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.core.arrow.history_table import plain_texts
 from semmap_log.core.arrow.parquet import FOOTER_END, footer_bytes, rows_in, write_parquet
 from semmap_log.core.arrow.table import COLUMNS, RETRACTED, SAID, schema_of
-from semmap_log.core.io.disk import output_errors, whole_file
+from semmap_log.core.io.disk import atomic_file, output_errors
 from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.errors import CorruptLogError
@@ -154,7 +154,7 @@ def _put_on_disk(path: Path, tables: Iterator[pa.Table]) -> tuple[int, int]:
         if first is None:
             return 0, 0
         path.parent.mkdir(parents=True, exist_ok=True)
-        with output_errors(path), whole_file(path) as temporary:
+        with output_errors(path), atomic_file(path) as temporary:
             write_parquet(temporary, chain([first], tables), LAKE_SCHEMA, {})
     with path.open("rb") as file:
         return rows_in(file), path.stat().st_size

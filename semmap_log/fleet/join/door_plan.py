@@ -18,7 +18,7 @@ from semmap_log.core.model.events import DoorAdded, DoorRemoved, FloorMap
 from semmap_log.errors import FormatError, SemmapError
 from semmap_log.fleet.join.joined_logs import DoorRow, JoinedLog, JoinedLogs, log_called
 from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.store.pages import bits_of_kinds
+from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
 
@@ -123,12 +123,12 @@ def _doors_of(log: str, state: DoorMapState) -> dict[int, LogDoor]:
     found = {}
     for door_id in sorted(state.used_door_ids):
         door, removed = state.door(door_id), state.removed_door(door_id)
-        value = door or (removed.door if removed else _taken_back(door_id, state))
+        value = door or (removed.door if removed else _retracted(door_id, state))
         found[door_id] = LogDoor(log, door_id, value, door is not None)
     return found
 
 
-def _taken_back(door_id: int, state: DoorMapState) -> Door:
+def _retracted(door_id: int, state: DoorMapState) -> Door:
     """Return what is left of a door whose addition was retracted."""
     level, unknown = state.level_of(door_id), DoorState.UNKNOWN
     return Door(DoorId(door_id), level, NAN, NAN, NAN, NAN, unknown, NAN, NAN)
@@ -143,7 +143,7 @@ def _told(
     for row in joined.definition.doors:
         try:
             log = log_called(row.log, joined.logs)
-            door_id = int(DoorLog(log.opened).resolve_ever(row.door))
+            door_id = int(DoorLog(log.opened).resolve_any_door(row.door))
         except FormatError:
             raise
         except SemmapError as error:
@@ -243,7 +243,7 @@ class _Coming:
 def _comings(log: JoinedLog) -> Iterator[_Coming]:
     """Yield additions and removals of doors that were not retracted."""
     hidden = log.opened.retractions()
-    for batch in log.opened.batches(Window(kinds=bits_of_kinds([DoorAdded, DoorRemoved]))):
+    for batch in log.opened.batches(Window(kinds=kinds_mask([DoorAdded, DoorRemoved]))):
         seen = hidden.visible(batch)
         rows = zip(seen, seen.folds_ns.tolist(), seen.door_ids().tolist(), strict=True)
         for recorded, folds_ns, door_id in rows:
@@ -359,7 +359,7 @@ def level_plan(joined: JoinedLogs, states: Mapping[str, DoorMapState]) -> LevelP
 def _drawn(reader: LogReader) -> set[int]:
     """Return the levels of which a log has a floor map."""
     hidden = reader.retractions()
-    batches = map(hidden.visible, reader.batches(Window(kinds=bits_of_kinds([FloorMap]))))
+    batches = map(hidden.visible, reader.batches(Window(kinds=kinds_mask([FloorMap]))))
     events = (event for batch in batches for event in batch.to_events())
     return {event.level for event in events if isinstance(event, FloorMap)}
 

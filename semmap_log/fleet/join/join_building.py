@@ -29,12 +29,12 @@ from semmap_log.errors import LogError
 from semmap_log.fleet.join.door_plan import BuildingDoor, DoorPlan, LogDoor
 from semmap_log.fleet.join.event_translation import EventTranslation
 from semmap_log.fleet.join.joined_logs import DoorRow, JoinedLog, JoinedLogs
-from semmap_log.log.door_log.robot_names import BEHIND_ROBOT, BETWEEN_ROBOTS
+from semmap_log.log.door_log.robot_names import AFTER_ROBOT, BETWEEN_ROBOTS
 from semmap_log.log.replay.replay import kept_commits
-from semmap_log.log.replay.state import retractions_behind
-from semmap_log.log.rewriting.rewritten_log import LogAnew
+from semmap_log.log.replay.state import retractions_after
+from semmap_log.log.rewriting.rewritten_log import RewrittenLog
 from semmap_log.store.header import LogInfo
-from semmap_log.store.pages import bits_of_kinds
+from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.following import FollowedCommit
 from semmap_log.store.reading.window import Window
 
@@ -96,7 +96,7 @@ def build_join(
     for log in joined.logs:
         log.opened.check_known()
     entropy, horizon_ns = SeededBytes(seed), horizon_of(joined, plan)
-    made = LogAnew(folder, _info(joined, entropy), entropy, horizon_ns=horizon_ns)
+    made = RewrittenLog(folder, _info(joined, entropy), entropy, horizon_ns=horizon_ns)
     rounds: dict[tuple[str, int], int] = {}
     translations = {
         log.name: EventTranslation(log, plan, rounds, horizon_ns) for log in joined.logs
@@ -128,7 +128,7 @@ class _Building:
 
     def __init__(
         self,
-        made: LogAnew,
+        made: RewrittenLog,
         translations: Mapping[str, EventTranslation],
         plan: DoorPlan,
         *,
@@ -164,7 +164,7 @@ class _Building:
             (note.actor, note.source)
             if self._is_alone
             else (
-                f"{log.name}{BEHIND_ROBOT}{text}" if text else log.name
+                f"{log.name}{AFTER_ROBOT}{text}" if text else log.name
                 for text in (note.actor, note.source)
             )
         )
@@ -334,20 +334,20 @@ def horizon_of(joined: JoinedLogs, plan: DoorPlan) -> int:
     horizon_ns = max(known_again_ns(joined, plan), *(reader.horizon_ns for reader in readers))
     if horizon_ns < 0:
         return -1
-    spans = sorted(span for reader in readers for span in _taken_back(reader))
-    for taken_back_ns, first_ns in spans:
-        if first_ns <= horizon_ns < taken_back_ns:
-            horizon_ns = taken_back_ns
+    spans = sorted(span for reader in readers for span in _retracted(reader))
+    for retracted_ns, first_ns in spans:
+        if first_ns <= horizon_ns < retracted_ns:
+            horizon_ns = retracted_ns
     return horizon_ns
 
 
-def _taken_back(reader: LogReader) -> Iterator[tuple[int, int]]:
+def _retracted(reader: LogReader) -> Iterator[tuple[int, int]]:
     """Yield for each retraction when it was recorded, and when the first event it reaches was.
 
     Retractions from before the log's own horizon are left out: they only reach events that are gone
     already.
     """
-    for one in retractions_behind(reader, reader.horizon - 1):
+    for one in retractions_after(reader, reader.horizon - 1):
         reached = Window(first_event=one.first_event, before_event=one.last_event + 1)
         for batch in reader.batches(reached):
             first, last = (reader.commit_at(n) for n in (int(batch.number[0]), one.number))
@@ -406,7 +406,7 @@ def _states_of(log: JoinedLog, plan: DoorPlan) -> NDArray[np.void]:
     """Return the states of the building's doors in a log, by door and time."""
     reader = log.opened
     hidden = reader.retractions()
-    window = Window(kinds=bits_of_kinds(STATE_KINDS), first_event=reader.horizon or None)
+    window = Window(kinds=kinds_mask(STATE_KINDS), first_event=reader.horizon or None)
     rows = state_rows(map(hidden.visible, reader.batches(window)))
     rows = rows[rows["state"] < COMES]
     return _sorted(_in_building(rows, log, plan))
@@ -416,7 +416,7 @@ def _thinned(log: JoinedLog, plan: DoorPlan) -> NDArray[np.void]:
     """Return what was thinned of a log, with the doors' numbers in the building."""
     reader = log.opened
     hidden, found = reader.retractions(), [np.empty(0, _RUN)]
-    window = Window(kinds=bits_of_kinds([SightingsThinned]), first_event=reader.horizon or None)
+    window = Window(kinds=kinds_mask([SightingsThinned]), first_event=reader.horizon or None)
     for batch in reader.batches(window):
         told = hidden.visible(batch)
         if len(told):

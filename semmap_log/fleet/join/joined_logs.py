@@ -20,7 +20,7 @@ from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.core.model.rigid_transform import RigidTransform
 from semmap_log.core.texts import command_line
 from semmap_log.errors import FormatError, LogError, NotALogError, OutputError
-from semmap_log.log.door_log.robot_names import BEHIND_ROBOT, BETWEEN_ROBOTS
+from semmap_log.log.door_log.robot_names import AFTER_ROBOT, BETWEEN_ROBOTS
 from semmap_log.store.reading.reader import LogReader
 
 MAX_NS = 2**63 - 1
@@ -193,7 +193,7 @@ def _folder(log: JoinedLog) -> str:
 
 def _plain(name: str) -> str:
     """Return a name that can precede a source, and stand next to other names."""
-    return name.replace(BEHIND_ROBOT, "-").replace(BETWEEN_ROBOTS.strip(), "-").strip()
+    return name.replace(AFTER_ROBOT, "-").replace(BETWEEN_ROBOTS.strip(), "-").strip()
 
 
 def _reference(logs: Sequence[JoinedLog], wanted: str) -> JoinedLog:

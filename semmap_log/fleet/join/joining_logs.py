@@ -68,21 +68,21 @@ class JoinedView:
             self._temporary = tempfile.TemporaryDirectory(prefix=TEMPORARY)
             self.path = Path(self._temporary.name) / "view"
             build_join(joined, plan_doors(joined), self.path, seed)
-            _tell_logs(joined, self.path)
+            _write_log_ids(joined, self.path)
             return
         self.path = cache / FOLDER / seed.hex()[:32]
         if not self.path.is_dir():
-            _build_beside(joined, self.path, seed)
+            _build_and_rename(joined, self.path, seed)
 
 
-def _build_beside(joined: JoinedLogs, path: Path, seed: bytes) -> None:
+def _build_and_rename(joined: JoinedLogs, path: Path, seed: bytes) -> None:
     """Make a view under another name, then rename it; another process may have been quicker."""
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".", dir=path.parent) as beside:
             made = Path(beside) / "view"
             build_join(joined, plan_doors(joined), made, seed)
-            _tell_logs(joined, made)
+            _write_log_ids(joined, made)
             with suppress(FileExistsError):
                 made.rename(path)
     except LogError:
@@ -110,7 +110,7 @@ def _listed(frame: RigidTransform | None) -> list[float] | None:
     return None if frame is None else frame.as_list()
 
 
-def _tell_logs(joined: JoinedLogs, view: Path) -> None:
+def _write_log_ids(joined: JoinedLogs, view: Path) -> None:
     """Write into a view which logs it is of."""
     (view / LOGS_NAME).write_text("\n".join(log.log_id for log in joined.logs), "ascii")
 

@@ -36,8 +36,7 @@ from semmap_log.interop.formats.kept_scans.writing import (
 )
 from semmap_log.log.replay.read_model.events_about import FOLDER as INDEX_FOLDER
 from semmap_log.log.replay.read_model.indexing import remove_stale_tables_alone
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     BAG_METADATA_NAME,
     KEPT_SUFFIX,
     LOCK_NAME,
@@ -47,9 +46,10 @@ from semmap_log.store.form import (
     is_mark_name,
     is_temporary,
 )
+from semmap_log.store.folder import LogFolder
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.removed_part import read_removed_part
-from semmap_log.store.salvage.recovering import beside as recovery_beside
+from semmap_log.store.repairing.recovering import beside as recovery_folder
 
 _SIGNATURES = "signatures"
 """Signed heads: hashes and numbers, no contents of events."""
@@ -97,7 +97,7 @@ def plan_copies(log: Path, going: Going, *, is_trimmed: bool) -> list[Copy]:
     """
     return [
         *_in_folder(log, is_trimmed=is_trimmed),
-        *_beside(log, going),
+        *_next_to(log, going),
         *_caches(going),
         *_elsewhere(log, going),
     ]
@@ -169,11 +169,11 @@ def _is_of_log(name: str) -> bool:
     )
 
 
-def _beside(log: Path, going: Going) -> Iterator[Copy]:
+def _next_to(log: Path, going: Going) -> Iterator[Copy]:
     """Yield what lies in the same folder as the log."""
     folder = _as_given(log)
     yield from _scans(folder, going)
-    recovering = recovery_beside(folder)
+    recovering = recovery_folder(folder)
     if recovering.exists():
         line = command_line("recover", log)
         yield _left(recovering, "recovering", f"a recovery that was stopped; finish it: {line}")

@@ -18,7 +18,7 @@ from semmap_log.interop.formats.kept_scans.reading import has_kept_scans
 from semmap_log.log.trimming.redaction import Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import Thinning
 from semmap_log.log.trimming.trim_log import Retention, TrimRule
-from semmap_log.store.pages import bits_of_kinds
+from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
 
@@ -93,7 +93,7 @@ def _moment_of(reader: LogReader, event: int) -> int:
 def _sightings(reader: LogReader, event: int, until_ns: int) -> dict[int, list[int]]:
     """Return when doors were seen before a moment, by events from a number on."""
     found = defaultdict[int, list[int]](list)
-    window = Window(first_event=event, kinds=bits_of_kinds([DoorObserved, DoorPassed]))
+    window = Window(first_event=event, kinds=kinds_mask([DoorObserved, DoorPassed]))
     for batch in reader.batches(window):
         early = np.flatnonzero(batch.folds_ns < until_ns)
         for door_id, at_ns in zip(
@@ -105,7 +105,7 @@ def _sightings(reader: LogReader, event: int, until_ns: int) -> dict[int, list[i
 
 def _recovered_from(reader: LogReader) -> set[str]:
     """Return the ids of the logs that `recover` made this one of."""
-    window = Window(kinds=bits_of_kinds([LogExported]))
+    window = Window(kinds=kinds_mask([LogExported]))
     told = (one.event for batch in reader.batches(window) for one in batch)
     names = (event.file_name for event in told if isinstance(event, LogExported))
     return {match[1] for name in names if (match := re.search(r"\(([0-9a-f]{32})\)$", name))}

@@ -18,11 +18,11 @@ from semmap_log.analysis.costmap_2d.costs import are_on_map
 from semmap_log.analysis.costmap_2d.keepout import keepout_mask
 from semmap_log.analysis.costmaps import Costmap, CostmapFrame, CostmapOptions, costmap_frames
 from semmap_log.core.io.disk import (
+    atomic_file,
+    check_outside_log,
     log_name,
     output_errors,
-    refuse_own_folder,
     replace_file,
-    whole_file,
 )
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.lazily import computed_once
@@ -75,7 +75,7 @@ def write_costmap(
         FormatError: The name has no known extension, or its format cannot hold that part.
         OutputError: The file cannot be written; what was there is whole.
     """
-    refuse_own_folder(log.path, out)
+    check_outside_log(log.path, out)
     write = _writer(out, part)
     shown, left_out = _sorted(costmap)
     page = _Page(costmap, part, shown, _title(log, costmap, part, scope))
@@ -135,7 +135,7 @@ def _marked(door: Door) -> tuple[tuple[float, float], tuple[float, float]]:
 
 
 def _array(out: Path, page: _Page) -> tuple[Path, ...]:
-    with output_errors(out), whole_file(out) as temporary, temporary.open("wb") as file:
+    with output_errors(out), atomic_file(out) as temporary, temporary.open("wb") as file:
         np.save(file, page.values)
     return (out,)
 
@@ -229,7 +229,7 @@ def record_costmap(
         FormatError: The name is not that of a bag.
         OutputError: It cannot be written; what was there is whole.
     """
-    refuse_own_folder(log.path, out)
+    check_outside_log(log.path, out)
     frames = costmap_frames(log, options, since=since, until=until, floor=floor)
     first = next(frames)  # before the file is begun: what is wrong with the question shows here
     until_ns = log.instant(until)

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-from semmap_log.core.io.disk import output_errors, refuse_own_folder, replace_file
+from semmap_log.core.io.disk import check_outside_log, output_errors, replace_file
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId
 from semmap_log.errors import FormatError
@@ -56,7 +56,7 @@ def write_report(
     """
     if out.suffix.lower() not in SUFFIXES:
         raise FormatError(out, "expected a name that ends in .html.")
-    refuse_own_folder(log.path, out)
+    check_outside_log(log.path, out)
     made = report(
         log, since=since, until=until, doors=doors, tz=tz, palette=palette, progress=progress
     )

@@ -21,7 +21,7 @@ from semmap_log.analysis.beliefs import probabilities
 from semmap_log.analysis.costmaps import costmap_at
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.levels import of_class, only_doors
-from semmap_log.core.io.disk import output_errors, refuse_own_folder, whole_file
+from semmap_log.core.io.disk import atomic_file, check_outside_log, output_errors
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import DoorId, DoorMap
@@ -109,7 +109,7 @@ def export(
             log, path, scope, wishes, default_prob=default_prob, progress=progress
         ),
     }
-    refuse_own_folder(log.path, out)
+    check_outside_log(log.path, out)
     if out.suffix == ".pgm":
         return _ros_map(log, out, scope)  # two files, which it puts in place together
     writer = writers.get(out.suffix.lower())
@@ -118,7 +118,7 @@ def export(
     with ExitStack() as files:
         if domain is not None:
             _write_domain(files, log, domain, out, wishes)
-        with output_errors(out), whole_file(out) as temporary:
+        with output_errors(out), atomic_file(out) as temporary:
             return writer(temporary)
 
 
@@ -126,11 +126,11 @@ def _write_domain(
     files: ExitStack, log: DoorLog, domain: Path, problem: Path, wishes: Wishes
 ) -> None:
     """Write the domain of planning problems; it takes its name when the problem has its own."""
-    refuse_own_folder(log.path, domain)
+    check_outside_log(log.path, domain)
     if domain.resolve() == problem.resolve():
         raise CommandError(f"{domain}: expected two files, one for the domain, got one.")
     files.enter_context(output_errors(domain))
-    temporary = files.enter_context(whole_file(domain))
+    temporary = files.enter_context(atomic_file(domain))
     temporary.write_text(dump_domain(with_costs=wishes.with_costs), encoding="ascii")
 
 
@@ -509,7 +509,7 @@ def record_bag(
         MomentError: `since` comes after `until`.
         OutputError: It cannot be written, or a time cannot be a ROS stamp; what was there is whole.
     """
-    refuse_own_folder(log.path, out)
+    check_outside_log(log.path, out)
     stream = log_stream(log, options, ros_version=ros_version_of(out), since=since, until=until)
     counts = Counter({topic.name: 0 for topic in stream.topics})
     with new_bag(out, stream.topics) as bag:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from semmap_log.analysis.rooms.level_rooms import RoomPlan
 from semmap_log.core.folds.levels import OPTION, told
-from semmap_log.core.io.disk import output_errors, refuse_own_folder, whole_file
+from semmap_log.core.io.disk import atomic_file, check_outside_log, output_errors
 from semmap_log.errors import FormatError, UnknownLevelError
 from semmap_log.interop.exporting.log_files import about
 from semmap_log.interop.formats.files.geojson import dump_room_geojson
@@ -30,7 +30,7 @@ def write_rooms(log: DoorLog, plan: RoomPlan, out: Path, *, level: int | None = 
         UnknownLevelError: A topological map has one level, and several have a floor plan.
         OutputError: The file cannot be written; what was there is whole.
     """
-    refuse_own_folder(log.path, out)
+    check_outside_log(log.path, out)
     if out.name.lower().endswith(".geojson"):
         text = dump_room_geojson(plan, about(log), level=level)
     elif out.name.lower().endswith((".tmap2.yaml", ".tmap2")):
@@ -38,7 +38,7 @@ def write_rooms(log: DoorLog, plan: RoomPlan, out: Path, *, level: int | None = 
         text = dump_topological_map(plan, _only_level(plan, level), name=name)
     else:
         raise FormatError(out, f"unknown extension for rooms; expected one of: {WRITABLE}.")
-    with output_errors(out), whole_file(out) as temporary:
+    with output_errors(out), atomic_file(out) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 

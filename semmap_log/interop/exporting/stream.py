@@ -35,7 +35,7 @@ from semmap_log.core.model.events import (
     LevelAdded,
     RobotPose,
 )
-from semmap_log.core.model.moments import refuse_reversed
+from semmap_log.core.model.moments import check_ordered
 from semmap_log.interop.exporting.stream_topics import (
     LatestDoors,
     LevelDoors,
@@ -168,7 +168,7 @@ def log_stream(
     """
     since_ns, until_ns = log.instant(since), log.instant(until)
     warn_of_clock(log, since_ns)
-    refuse_reversed(since_ns, until_ns)
+    check_ordered(since_ns, until_ns)
     later_ns = log.shown_from_ns(
         None if since_ns is None else since_ns + 1, None if until_ns is None else until_ns + 1
     )
@@ -467,9 +467,9 @@ def moments(
 
 
 def _slice(log: DoorLog, first_ns: int, before_ns: int) -> Iterator[HistoryEntry]:
-    finder = log.said_finder()
+    finder = log.note_finder()
     window = Window(happened_from_ns=first_ns, happened_before_ns=before_ns)
     hidden = log.retractions()
     batches = log.batches_in(window, on_page=finder.look_at)
     seen = (hidden.visible(batch) for batch in batches)
-    return history((b for b in seen if len(b)), finder.said_of, Retractions())
+    return history((b for b in seen if len(b)), finder.note_texts_of, Retractions())

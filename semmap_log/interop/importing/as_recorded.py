@@ -185,12 +185,14 @@ def with_room_names(table: DoorTable) -> DoorTable:
             if any(names) and left != right:
                 told[number] = {ROOMS: ",".join(names)}
                 used |= {named[side] for side in (left, right) if side in named}
-    doors_told = tuple(
+    annotated_doors = tuple(
         replace(door, annotations={**door.annotations, **told.get(number, {})})
         for number, door in enumerate(table.doors)
     )
     return replace(
-        table, doors=doors_told, left_out=(*table.left_out, *_said(len(table.places), len(used)))
+        table,
+        doors=annotated_doors,
+        left_out=(*table.left_out, *_said(len(table.places), len(used))),
     )
 
 

@@ -319,16 +319,16 @@ class SeenBefore:
         visit, source = planned.commit.visit, planned.commit.note.source
         kind = kind_of(visit)
         own = (actor, source, visit.door_id, kind)
-        if self._is_told(own, visit.first_ns, visit.last_ns):
+        if self._is_reported(own, visit.first_ns, visit.last_ns):
             return True
         if not visit.passed:
             return False
         others = [key for key in self.told if key[::2] == (actor, visit.door_id) and key != own
                   and key[3] is kind]  # fmt: skip
         around = visit.first_ns - ONE_PASSAGE_NS, visit.last_ns + ONE_PASSAGE_NS
-        return any(self._is_told(key, *around) for key in others)
+        return any(self._is_reported(key, *around) for key in others)
 
-    def _is_told(self, key: _Key, first_ns: int, last_ns: int) -> bool:
+    def _is_reported(self, key: _Key, first_ns: int, last_ns: int) -> bool:
         times = self.told.get(key, ())
         place = bisect_left(times, first_ns)
         return place < len(times) and times[place] <= last_ns
@@ -356,7 +356,7 @@ AHEAD_NS = 4 * HOUR_NS
 """Reports up to this long after a moment are read with it: visits come in order of time."""
 
 
-class DoorsThen:
+class PlacesOverTime:
     """The places of a log's doors over time, with events that are to come into it."""
 
     def __init__(self, log: DoorLog, others: Sequence[Event] = ()) -> None:

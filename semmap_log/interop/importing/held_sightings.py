@@ -33,7 +33,7 @@ from semmap_log.interop.formats.files.csv_sightings import Rows, Sightings, accu
 from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.interop.importing.import_plan import ImportPlan, Present
 from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.store.pages import bits_of_kinds
+from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.window import Window
 
 
@@ -85,7 +85,7 @@ def plan_sightings(
         greatest_id = max(greatest_id, ids[-1])
     added = [name for name, is_new in zip(sightings.doors, new, strict=True) if is_new]
     if added and not new_doors:
-        _refuse_strangers(sightings, added, present)
+        _check_known_doors(sightings, added, present)
     if level is None:
         level = _level_of_new(sightings, new, present.door_map) if any(new) else 0
     events = _SightingEvents(sightings, tuple(ids), tuple(new), level, [])
@@ -143,7 +143,7 @@ def _level_of_new(sightings: Sightings, new: list[bool], door_map: DoorMap) -> i
         ) from None
 
 
-def _refuse_strangers(sightings: Sightings, names: Sequence[str], present: Present) -> None:
+def _check_known_doors(sightings: Sightings, names: Sequence[str], present: Present) -> None:
     """Return unless the log has doors: then a name of none of them may be mistyped.
 
     Raises:
@@ -353,7 +353,7 @@ class HeldSightings:
         self, first_ns: int, last_ns: int, rows: NDArray[np.void]
     ) -> Iterator[NDArray[np.void]]:
         """Yield what the log has of these times."""
-        times, kinds = np.unique(rows["ns"]), bits_of_kinds(_KINDS)
+        times, kinds = np.unique(rows["ns"]), kinds_mask(_KINDS)
         window = Window(
             happened_from_ns=first_ns, happened_before_ns=last_ns + 1,
             before_event=self._before_event, kinds=kinds, only_kept=True,

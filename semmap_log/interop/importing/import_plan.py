@@ -172,7 +172,7 @@ class _DoorPlanner:
 
     def plan(self) -> ImportPlan:
         events = [*self.levels(), *self.doors(), *self.floor_maps()]
-        self.refuse_clashes()
+        self.check_clashes()
         counts = [
             (self.added, "added"), (self.back, "brought back"), (self.updated, "updated"),
             (self.same, "the same already"),
@@ -359,7 +359,7 @@ class _DoorPlanner:
                 happened_ns=self.at_ns, door_id=there.door_id, key=key, value=door.annotations[key]
             )
 
-    def refuse_clashes(self) -> None:
+    def check_clashes(self) -> None:
         if self.existing and not self.update:
             raise DoorExistsError(_listed(self.existing, "write the file's values with --update"))
         if self.removed and not self.renumber:

@@ -158,10 +158,10 @@ def import_file(
             (), count, found.summary, found.left_out, found.warnings, nothing=found.nothing
         )
         return Imported(plan, first)
-    _refuse_since(path, options)
+    _check_no_since(path, options)
     options = replace(options, source=note.source)
     command_id = None
-    is_lines = options.form is None and tells_event_lines(path)
+    is_lines = options.form is None and is_event_lines(path)
     if is_lines or not (options.update or options.renumber):
         command_id = command_id_of(path, options)
         if log.find_command(command_id) is not None:
@@ -199,24 +199,24 @@ def plan_file(
         FormatError: It cannot be read, is of no known format, or nothing of it can be imported.
         CommandError: The map forbids it, or an option is for other files.
     """
-    _refuse_since(path, options)
-    if options.form is None and tells_event_lines(path):
+    _check_no_since(path, options)
+    if options.form is None and is_event_lines(path):
         lines = _plan_lines(log, path, options, note, command_id_of(path, options))
         plan = ImportPlan(
             (), lines.count, lines.summary, left_out=lines.left_out, warnings=lines.warnings,
             nothing=lines.nothing,
         )  # fmt: skip
-        refuse_nothing(path, plan)
+        check_not_empty(path, plan)
         return plan, lines
     plan_of = _planner(path, progress, has_form=options.form is not None)
     plan = plan_of(log, path, options)
-    refuse_nothing(path, plan)
+    check_not_empty(path, plan)
     if options.since_ns is not None and plan_of is not _plan_map:
         plan = with_backdated(log, plan, options.since_ns)
     return plan, None
 
 
-def _refuse_since(path: Path, options: ImportOptions) -> None:
+def _check_no_since(path: Path, options: ImportOptions) -> None:
     """Refuse `since` for a file whose events have times of their own.
 
     Raises:
@@ -229,7 +229,7 @@ def _refuse_since(path: Path, options: ImportOptions) -> None:
         )
 
 
-def refuse_nothing(path: Path, plan: ImportPlan) -> None:
+def check_not_empty(path: Path, plan: ImportPlan) -> None:
     """Return if a file has something that can be imported, or that the log holds.
 
     Raises:
@@ -340,7 +340,7 @@ def plan_scan_import(
     )  # fmt: skip
 
 
-def tells_event_lines(path: Path) -> bool:
+def is_event_lines(path: Path) -> bool:
     """Return whether a name is that of a file of JSON lines."""
     return path.name.lower().removesuffix(".gz").endswith((".jsonl", ".ndjson"))
 
@@ -461,7 +461,7 @@ def command_id_of(path: Path, options: ImportOptions) -> bytes:
     """Return the id of an import's commit: the same for the same bytes taken in the same way."""
     since = "" if options.since_ns is None else f" since {options.since_ns}"
     source = f" source {options.source}" if options.source else ""
-    form = f" form {_told_form(options.form)}" if options.form is not None else ""
+    form = f" form {_form_text(options.form)}" if options.form is not None else ""
     accuracy = f" accuracy {options.accuracy}" if options.accuracy is not None else ""
     how = f"import {options.level} {options.tz} {options.at_ns}{since}{source}{form}{accuracy}"
     whole = hashlib.sha256(how.encode())
@@ -476,7 +476,7 @@ def command_id_of(path: Path, options: ImportOptions) -> bytes:
     return whole.digest()[:16]
 
 
-def _told_form(form: TableForm) -> str:
+def _form_text(form: TableForm) -> str:
     """Return a form as a text that is the same for the same form."""
     line = "" if form.line is None else form.line.__name__
     states = sorted((word, state.name) for word, state in form.states.items())

@@ -190,7 +190,7 @@ class _LinePlanner:
             else:
                 self.check(commit, is_repeated=commit.command_id == last_id)
             last_id = commit.command_id
-        self.tell_uncovered()
+        self.report_uncovered()
         self.problems.raise_any()
         why = self.why_recorded_now
         if self.options.as_recorded and self.count and why:
@@ -280,14 +280,14 @@ class _LinePlanner:
                 self.problems.add(line, "retracted: expected the key event with it, got none")
             return
         if parsed.number <= self.last_source:
-            self.tell_uncovered()
+            self.report_uncovered()
         self.last_source = parsed.number
         if isinstance(parsed.event, Retracted):
             self.uncovered.cover(parsed.event.first_event, parsed.event.last_event)
         elif parsed.retracted:
             self.uncovered.add(parsed.number, line)
 
-    def tell_uncovered(self) -> None:
+    def report_uncovered(self) -> None:
         for first, last, line in self.uncovered.take():
             which = f"event {first} was" if first == last else f"events {first}..{last} were"
             self.problems.add(

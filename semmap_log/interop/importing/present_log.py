@@ -24,7 +24,7 @@ from semmap_log.interop.importing.line_commits import NumberMap, PlannedCommit, 
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.store.gone_commands import StoredCommand
-from semmap_log.store.pages import bits_of_kinds
+from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.window import Window
 
 TOLD_EVERY = 1000
@@ -87,7 +87,7 @@ class StoredCommits:
 
     def comings(self, first: int, last: int) -> Iterator[Event]:
         """Yield the DoorAdded and DoorRemoved among the events of these numbers."""
-        kinds = bits_of_kinds([DoorAdded, DoorRemoved])
+        kinds = kinds_mask([DoorAdded, DoorRemoved])
         for batch in self._log.batches_in(Window(first_event=first, before_event=last + 1,
                                                  kinds=kinds)):  # fmt: skip
             yield from batch.to_events()

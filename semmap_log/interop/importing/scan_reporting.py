@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 
 from semmap_log.analysis.scans.door_figures import ScanReport, scan_report
-from semmap_log.analysis.scans.visit import KeptVisit, Visit, folder_beside
+from semmap_log.analysis.scans.visit import KeptVisit, Visit, scans_folder
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId
 from semmap_log.errors import FormatError
@@ -93,7 +93,7 @@ def seen_visits(
     if not bags:
         if not has_kept_scans(log.path):
             raise FormatError(
-                folder_beside(log.path),
+                scans_folder(log.path),
                 "no scans are kept next to this log; name a bag with scans, or keep those of "
                 "visits: `record --scan --keep-scans`, `import --scan --keep-scans`",
             )

@@ -29,7 +29,7 @@ from semmap_log.interop.formats.ros.ros_types import (
     whole_topic,
 )
 from semmap_log.interop.importing.bag_importing import (
-    DoorsThen,
+    PlacesOverTime,
     PlannedVisit,
     SeenBefore,
     left_out_of,
@@ -282,7 +282,7 @@ def plan_scans(
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
         CommandError: No door was there at the time of the scans; or no level is given.
     """
-    doors = DoorsThen(log, others)
+    doors = PlacesOverTime(log, others)
     return _Scanning(path, log, mapping.for_lasers_only(), doors, keeper, actor).plan(
         bag_id, progress
     )
@@ -295,7 +295,7 @@ class _Scanning:
     path: Path
     log: DoorLog
     mapping: RosMapping
-    doors: DoorsThen
+    doors: PlacesOverTime
     keeper: ScanKeeper | None = None
     actor: str = ""
     complaints: TopicProblems = field(default_factory=TopicProblems)
@@ -309,7 +309,7 @@ class _Scanning:
         known = Known.of(self.log)
         translator = Translator(self.mapping, known, self.complaints)
         visits = list(self._visits(translator, progress))
-        self._refuse_nothing(translator.lasers)
+        self._check_any_placed(translator.lasers)
         ids = (_visit_id(bag_id, self.mapping, each) for each in visits)
         planned = [PlannedVisit(*pair) for pair in zip(ids, visits, strict=True)]
         before = SeenBefore.of(self.log, visits)
@@ -364,7 +364,7 @@ class _Scanning:
                 chosen.append(channel)
         return chosen
 
-    def _refuse_nothing(self, lasers: Lasers) -> None:
+    def _check_any_placed(self, lasers: Lasers) -> None:
         """Return if a scan has a place, and a door was there then.
 
         Raises:
@@ -416,7 +416,7 @@ def placed_scans(
     Raises:
         FormatError: The bag cannot be read, or no scan of it has a place.
     """
-    scanning = _Scanning(path, log, mapping.for_lasers_only(), DoorsThen(log))
+    scanning = _Scanning(path, log, mapping.for_lasers_only(), PlacesOverTime(log))
     translator = Translator(scanning.mapping, Known.of(log), scanning.complaints)
     is_any = False
     for scan in scanning.scans(translator, progress):

@@ -15,7 +15,7 @@ from semmap_log.interop.pseudonyms.pseudonyms import Pseudonyms
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.replay.replay import Scope
 from semmap_log.log.rewriting.new_numbers import NewNumbers, renamed
-from semmap_log.log.rewriting.rewritten_log import LogAnew
+from semmap_log.log.rewriting.rewritten_log import RewrittenLog
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
 from semmap_log.store.reading.following import FollowedCommit
@@ -52,9 +52,9 @@ def pseudonymous(
     with TemporaryDirectory(prefix="semmap-log-") as folder:
         path = Path(folder, "log")
         info = LogInfo(os.urandom(ID_BYTES).hex(), log.info.timezone, holds=log.info.holds)
-        made = LogAnew(path, info, os.urandom, horizon_ns=log.horizon_ns())
+        made = RewrittenLog(path, info, os.urandom, horizon_ns=log.horizon_ns())
         try:
-            _retell(log, scope, names, made, progress)
+            _rewrite_log(log, scope, names, made, progress)
             made.finish()
         finally:
             made.close()
@@ -63,8 +63,8 @@ def pseudonymous(
         yield DoorLog(copied), names
 
 
-def _retell(
-    log: DoorLog, scope: Scope, names: Pseudonyms, made: LogAnew, progress: Progress | None
+def _rewrite_log(
+    log: DoorLog, scope: Scope, names: Pseudonyms, made: RewrittenLog, progress: Progress | None
 ) -> None:
     total = log.last_event() + 1
     numbers = NewNumbers(total)

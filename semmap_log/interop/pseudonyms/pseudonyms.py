@@ -13,7 +13,7 @@ from dataclasses import fields, replace
 
 from semmap_log.analysis.rooms.room_graph import LIFT, ROOMS
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Note
-from semmap_log.core.model.doors import CLASS, OUTLINE, WORDED, outline_told
+from semmap_log.core.model.doors import CLASS, OUTLINE, WORDED, parse_outline
 from semmap_log.core.model.events import (
     ClassDefined,
     DoorAnnotated,
@@ -119,7 +119,7 @@ class Pseudonyms:
 
 def _is_outline(text: str) -> bool:
     try:
-        outline_told(text)
+        parse_outline(text)
     except ValueError:
         return not text
     return True

@@ -92,7 +92,7 @@ class _FileReader:
         if mapping.map_frame == mapping.robot_frame:
             keys.refuse("frames", "two frames, the robot's another than the map's")
         for each in (keys, poses, frames):
-            each.refuse_others()
+            each.check_known_keys()
         if not (topics or mapping.well_known or self.problems.found):
             self.problems.add(
                 top.line, "topics: expected a topic at least, got none; or well_known: true"
@@ -137,7 +137,7 @@ class _FileReader:
             name: read(keys) for name, read in _OPTIONS.items() if name in reading.__slots__
         } | {name: read(keys) for name, read in _OWN.get(reading, {}).items()}
         ros_type = keys.text("type", "", _TYPE)
-        keys.refuse_others()
+        keys.check_known_keys()
         self.check_type(keys, word, ros_type)
         check_sense(keys, values)
         return TopicRule(reading(**values), long_name(ros_type) if ros_type else "")
@@ -250,7 +250,7 @@ class _Keys:
             node.line, f"{self.what}: {key}: expected {expected}, got {described(node)}"
         )
 
-    def refuse_others(self) -> None:
+    def check_known_keys(self) -> None:
         for key, line in self.found.key_lines.items():
             if key not in self.known:
                 self.problems.add(
@@ -292,7 +292,7 @@ def _states(keys: _Keys) -> dict[Value, DoorState]:
                 if value is not None and states.setdefault(value, state) != state:
                     inner.refuse(state.name.lower(), "values that mean no other state")
                     break
-    inner.refuse_others()
+    inner.check_known_keys()
     return states
 
 

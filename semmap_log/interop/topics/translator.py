@@ -146,7 +146,7 @@ class Translator:
         for event in events:
             self._context.known.apply(event)
 
-    def start_anew(self, known: Known) -> None:
+    def reset_known(self, known: Known) -> None:
         """Take the log as it stands for what is known: some events were not stored."""
         self._context.known = known
         for reader in self._readers.values():
@@ -164,7 +164,11 @@ class Translator:
                 events.append(event)
             actor = reader.actor(got) if events else ""
         except Exception as error:  # noqa: BLE001  of a message that is anything
-            said = str(error) if isinstance(error, _TELLING) else f"{type(error).__name__}: {error}"
+            said = (
+                str(error)
+                if isinstance(error, _CLEAR_ERRORS)
+                else f"{type(error).__name__}: {error}"
+            )
             self.complaints.add(got.topic, "a message that cannot be; passed over", said)
             return Made(events)
         rule = self._rules[got.topic].reading
@@ -195,7 +199,7 @@ class Translator:
 _PLACING = (ReadScan, ReadFrames, ReadPlace, ReadTransforms, ReadPose)
 """What can give a scan its place."""
 
-_TELLING = (SemmapError, ValueError, OverflowError)
+_CLEAR_ERRORS = (SemmapError, ValueError, OverflowError)
 """Errors whose text says enough without their type."""
 
 

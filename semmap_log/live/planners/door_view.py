@@ -33,7 +33,7 @@ from semmap_log.core.model.events import Retracted
 from semmap_log.core.model.moments import Moment, format_wall
 from semmap_log.core.texts import counted
 from semmap_log.errors import UnknownDoorError
-from semmap_log.live.planners.asked import DOOR, AskedQuestion, QuestionKind
+from semmap_log.live.planners.parsed_questions import DOOR, ParsedQuestion, QuestionKind
 from semmap_log.live.planners.question_lines import Answer, Atom
 from semmap_log.log.door_log.door_index import resolve_door
 from semmap_log.log.door_log.door_log import DoorLog
@@ -50,7 +50,7 @@ class LikelyAnswers:
         self._learnt.forget()
 
     def steps(
-        self, log: DoorLog, now: KnownDoors, asked: AskedQuestion, now_ns: int
+        self, log: DoorLog, now: KnownDoors, asked: ParsedQuestion, now_ns: int
     ) -> Iterator[Answer | None]:
         """Yield None after each door of several, then the answer.
 
@@ -72,7 +72,7 @@ class LikelyAnswers:
             yield self._probability(log, now, asked, now_ns)
 
     def _next_door(
-        self, log: DoorLog, now: KnownDoors, asked: AskedQuestion, now_ns: int
+        self, log: DoorLog, now: KnownDoors, asked: ParsedQuestion, now_ns: int
     ) -> Iterator[Answer | None]:
         time_ns = _time_ns(log, asked, now_ns)
         view = now.view_at(log, _passed(time_ns, now_ns), Moment())
@@ -88,7 +88,7 @@ class LikelyAnswers:
             yield nothing(asked, "none of them is in the map.")
 
     def _probability(
-        self, log: DoorLog, now: KnownDoors, asked: AskedQuestion, now_ns: int
+        self, log: DoorLog, now: KnownDoors, asked: ParsedQuestion, now_ns: int
     ) -> Answer:
         time_ns = _time_ns(log, asked, now_ns)
         door = now.view_at(log, _passed(time_ns, now_ns), Moment()).door(asked.doors[0])
@@ -106,7 +106,7 @@ class LikelyAnswers:
         return self._learnt.p_open(log, event, door.door_id, now_ns=now_ns, time_ns=time_ns)
 
 
-def _time_ns(log: DoorLog, asked: AskedQuestion, now_ns: int) -> int:
+def _time_ns(log: DoorLog, asked: ParsedQuestion, now_ns: int) -> int:
     """Return the time that a question is about; without one it is now."""
     if asked.learnt_at is None:
         return now_ns
@@ -120,7 +120,7 @@ def _passed(time_ns: int, now_ns: int) -> Moment:
     return Moment(ns=time_ns) if time_ns < now_ns else Moment()
 
 
-def _best_time(log: DoorLog, now: KnownDoors, asked: AskedQuestion, now_ns: int) -> Answer:
+def _best_time(log: DoorLog, now: KnownDoors, asked: ParsedQuestion, now_ns: int) -> Answer:
     door_id = now.view.door(asked.doors[0]).door_id
     is_closed = asked.state is DoorState.CLOSED
     found = best_time(log, door_id, "closed" if is_closed else "open", at=Moment(ns=now_ns))
@@ -189,7 +189,7 @@ class LearntDoors:
 HOLDS = Answer(value=True)
 
 
-def state_answer(view: DoorView, asked: AskedQuestion) -> Answer:
+def state_answer(view: DoorView, asked: ParsedQuestion) -> Answer:
     """Return what the doors of a moment answer to one of `STATE_QUESTIONS`."""
     try:
         return STATE_QUESTIONS[asked.question.name](view, asked)
@@ -197,12 +197,12 @@ def state_answer(view: DoorView, asked: AskedQuestion) -> Answer:
         return nothing(asked, str(error))
 
 
-def nothing(asked: AskedQuestion, reason: str) -> Answer:
+def nothing(asked: ParsedQuestion, reason: str) -> Answer:
     """Return the answer that a question has where there is nothing to say, or it was refused."""
     return Answer(None if asked.question.kind is QuestionKind.FUNCTION else False, reason)
 
 
-def _holds(predicate: Callable[[DoorState], bool], view: DoorView, asked: AskedQuestion) -> Answer:
+def _holds(predicate: Callable[[DoorState], bool], view: DoorView, asked: ParsedQuestion) -> Answer:
     state = view.door(asked.doors[0]).state
     return HOLDS if predicate(state) else Answer(value=False, reason=f"it is {state.name}.")
 
@@ -215,25 +215,25 @@ def _is_any_but_unknown(state: DoorState) -> bool:
     return state is not DoorState.UNKNOWN
 
 
-def _probability(value: Callable[[Door], float], view: DoorView, asked: AskedQuestion) -> Answer:
+def _probability(value: Callable[[Door], float], view: DoorView, asked: ParsedQuestion) -> Answer:
     found = value(view.door(asked.doors[0]))
     return Answer(None, "it has none.") if math.isnan(found) else Answer(found)
 
 
-def _any(state: DoorState, view: DoorView, _: AskedQuestion) -> Answer:
+def _any(state: DoorState, view: DoorView, _: ParsedQuestion) -> Answer:
     ids = view.ids(state)
     return Answer(atom_of(ids[0])) if ids else Answer(None, f"no door is {state.name}.")
 
 
-def _doors(view: DoorView, asked: AskedQuestion) -> Answer:
+def _doors(view: DoorView, asked: ParsedQuestion) -> Answer:
     return Answer([atom_of(door_id) for door_id in view.ids(asked.state)])
 
 
-def _state(view: DoorView, asked: AskedQuestion) -> Answer:
+def _state(view: DoorView, asked: ParsedQuestion) -> Answer:
     return Answer(atom_of_state(view.door(asked.doors[0])))
 
 
-STATE_QUESTIONS: Mapping[str, Callable[[DoorView, AskedQuestion], Answer]] = {
+STATE_QUESTIONS: Mapping[str, Callable[[DoorView, ParsedQuestion], Answer]] = {
     "DOOR_STATE_KNOWN": partial(_holds, _is_any_but_unknown),
     "DOOR_OPEN": partial(_holds, partial(_is, DoorState.OPEN)),
     "DOOR_CLOSED": partial(_holds, partial(_is, DoorState.CLOSED)),

@@ -29,7 +29,6 @@ from semmap_log.errors import (
     UnknownDoorError,
 )
 from semmap_log.interop.formats.parsing.problems import shown
-from semmap_log.live.planners.asked import BY_NAME, QUESTIONS, AskedQuestion, QuestionKind, similar
 from semmap_log.live.planners.door_view import (
     HOLDS,
     STATE_QUESTIONS,
@@ -40,12 +39,19 @@ from semmap_log.live.planners.door_view import (
     nothing,
     state_answer,
 )
+from semmap_log.live.planners.parsed_questions import (
+    BY_NAME,
+    QUESTIONS,
+    ParsedQuestion,
+    QuestionKind,
+    similar,
+)
 from semmap_log.live.planners.question_lines import Answer, Value, as_word
 from semmap_log.live.ros.serving.door_server import when_ns
 from semmap_log.log.door_log.door_commands import content_of
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.log.door_log.known_later import known_later, what_set
+from semmap_log.log.door_log.recorded_later import recorded_later, what_set
 from semmap_log.log.replay.replay import Scope
 
 LIKELY_QUESTIONS = {"BEST_TIME", "NEXT_DOOR"}
@@ -53,12 +59,12 @@ LIKELY_QUESTIONS = {"BEST_TIME", "NEXT_DOOR"}
 ENDS = Answer(value=False, reason="the server ends.")
 
 
-def is_wait(asked: AskedQuestion) -> bool:
+def is_wait(asked: ParsedQuestion) -> bool:
     """Return whether a question may wait for long, and for nothing but a change of a door."""
     return asked.question.name == "WAIT_UNTIL"
 
 
-def is_likely(asked: AskedQuestion) -> bool:
+def is_likely(asked: ParsedQuestion) -> bool:
     """Return whether a question is about what is likely: its answer may take long."""
     return asked.question.name in LIKELY_QUESTIONS or asked.learnt_at is not None
 
@@ -68,7 +74,7 @@ class Oracle:
 
     def __init__(
         self,
-        doors: AskedDoors,
+        doors: QueriedDoors,
         *,
         say: Callable[[str], object] = lambda _: None,
         clock_ns: Callable[[], int] = time.time_ns,
@@ -115,7 +121,7 @@ class Oracle:
             self._look_between(before, view)
         self._waits.look(view)
 
-    def at_once(self, asked: AskedQuestion) -> Answer | None:
+    def at_once(self, asked: ParsedQuestion) -> Answer | None:
         """Return the answer if that takes no time; None: `answer` it, or let it `wait`.
 
         Raises:
@@ -127,13 +133,13 @@ class Oracle:
             return state_answer(self._now.view, asked)
         return _help(asked) if asked.question.name == "HELP" else None
 
-    def answer(self, asked: AskedQuestion, client: str = "") -> Answer:
+    def answer(self, asked: ParsedQuestion, client: str = "") -> Answer:
         """Return the answer, however long that takes; as `steps`."""
         *_, answer = self.steps(asked, client)
         assert answer is not None, "the last step gives it"
         return answer
 
-    def steps(self, asked: AskedQuestion, client: str = "") -> Iterator[Answer | None]:
+    def steps(self, asked: ParsedQuestion, client: str = "") -> Iterator[Answer | None]:
         """Yield None as long as there is more to do, then the answer.
 
         Args:
@@ -152,20 +158,20 @@ class Oracle:
         else:
             yield from self._found(asked)
 
-    def _found(self, asked: AskedQuestion) -> Iterator[Answer | None]:
+    def _found(self, asked: ParsedQuestion) -> Iterator[Answer | None]:
         """Yield the steps of a question that reads the log."""
         if self._failure is not None:
             raise self._failure
         try:
             yield from self._look_up(asked)
         except UnknownDoorError as error:
-            yield nothing(asked, f"{error} {self._told_later(asked)}".strip())
+            yield nothing(asked, f"{error} {self._recorded_later(asked)}".strip())
         except MomentError as error:
             problem = f"{error} What has blanks in it stands in quotes."
             raise QuestionError(f"{asked.question.form}: {problem}") from error
 
     def wait(
-        self, asked: AskedQuestion, done: Callable[[Answer], None]
+        self, asked: ParsedQuestion, done: Callable[[Answer], None]
     ) -> Callable[[Answer], None]:
         """Let a question wait; `done` is called with its answer, once, maybe before this returns.
 
@@ -201,7 +207,7 @@ class Oracle:
         except (SemmapError, OSError) as error:
             self._say(f"WAIT_UNTIL: what was so for a moment may be missed: {error}")
 
-    def _act(self, asked: AskedQuestion, client: str) -> Answer:
+    def _act(self, asked: ParsedQuestion, client: str) -> Answer:
         try:
             act(self._doors, asked, client)
         except (SemmapError, OSError) as error:
@@ -210,7 +216,7 @@ class Oracle:
             return Answer(value=False, reason=str(error))
         return HOLDS
 
-    def _wait_here(self, asked: AskedQuestion) -> Answer:
+    def _wait_here(self, asked: ParsedQuestion) -> Answer:
         answers: list[Answer] = []
         answered = threading.Event()
 
@@ -224,16 +230,16 @@ class Oracle:
         answered.wait()
         return answers[0]
 
-    def _told_later(self, asked: AskedQuestion) -> str:
+    def _recorded_later(self, asked: ParsedQuestion) -> str:
         """Return the note that events were recorded later, for a question about what was known."""
         if asked.known_at is None:
             return ""
         log = self._doors.log
         now_ns = max(self._clock_ns(), self._now.view.door_map.latest_ns)
         when, known_at = (log.moment(t, now_ns=now_ns) for t in (asked.when, asked.known_at))
-        return known_later(log, when, known_at, remedy='ask "{then}" without AT')
+        return recorded_later(log, when, known_at, remedy='ask "{then}" without AT')
 
-    def _look_up(self, asked: AskedQuestion) -> Iterator[Answer | None]:
+    def _look_up(self, asked: ParsedQuestion) -> Iterator[Answer | None]:
         """Yield the steps to what the log reports of another moment, or of what is likely."""
         now = self._now
         log = self._doors.log  # not before: it must be as new
@@ -253,7 +259,7 @@ class Oracle:
             yield state_answer(view, asked)
 
 
-def time_is_over(asked: AskedQuestion) -> Answer:
+def time_is_over(asked: ParsedQuestion) -> Answer:
     """Return the answer to a question that waited in vain."""
     assert asked.state is not None
     return Answer(value=False, reason=f"it was not {asked.state.name} within {asked.number:g} s.")
@@ -264,7 +270,7 @@ def _may_change(batch: EventBatch, doors: set[DoorId]) -> bool:
     return Retracted in batch or bool(batch.of_doors(doors).any())
 
 
-def _help(asked: AskedQuestion) -> Answer:
+def _help(asked: ParsedQuestion) -> Answer:
     if asked.name is None:
         return Answer([question.help for question in QUESTIONS])
     question = BY_NAME.get(asked.name)
@@ -273,7 +279,7 @@ def _help(asked: AskedQuestion) -> Answer:
     return Answer(question.help)
 
 
-def _why(log: DoorLog, view: DoorView, asked: AskedQuestion, scope: Scope) -> Answer:
+def _why(log: DoorLog, view: DoorView, asked: ParsedQuestion, scope: Scope) -> Answer:
     """Return what set a door's state: its event, when, who and why.
 
     Args:
@@ -345,7 +351,7 @@ class Waits:
 ACTOR = "planner"
 
 
-class AskedDoors(Protocol):
+class QueriedDoors(Protocol):
     """The doors that planners ask about: a `DoorServer`, or a `DoorFollower`."""
 
     @property
@@ -366,7 +372,7 @@ class AskedDoors(Protocol):
         """Append what `make` gives, once, as one commit that lasts."""
 
 
-def act(doors: AskedDoors, asked: AskedQuestion, client: str = "") -> None:
+def act(doors: QueriedDoors, asked: ParsedQuestion, client: str = "") -> None:
     """Do an action; when this returns, it is as durable as the log promises.
 
     What the map is already needs no event. With a command id one is stored all the same: sent
@@ -395,7 +401,7 @@ def act(doors: AskedDoors, asked: AskedQuestion, client: str = "") -> None:
     )
 
 
-def _events(log: DoorLogWriter, asked: AskedQuestion) -> list[Event]:
+def _events(log: DoorLogWriter, asked: ParsedQuestion) -> list[Event]:
     """Return what an action means for the log as it stands; the log is held meanwhile."""
     door = DoorView(log.door_map()).door(asked.doors[0])
     happened_ns = when_ns(log)
@@ -416,7 +422,7 @@ def _events(log: DoorLogWriter, asked: AskedQuestion) -> list[Event]:
     ]
 
 
-def _set_by(asked: AskedQuestion) -> tuple[Changed, str, DoorState | float]:
+def _set_by(asked: ParsedQuestion) -> tuple[Changed, str, DoorState | float]:
     """Return the part of a door that an action sets, its field, and what it becomes.
 
     Raises:

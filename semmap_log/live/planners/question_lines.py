@@ -21,7 +21,13 @@ from typing import Any, TypeAlias
 from semmap_log.errors import QuestionError
 from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.interop.formats.parsing.strict_json import StrictJsonError, load_object
-from semmap_log.live.planners.asked import MOST_WORDS, AskedQuestion, Word, read_words, too_many
+from semmap_log.live.planners.parsed_questions import (
+    MOST_WORDS,
+    ParsedQuestion,
+    Word,
+    read_words,
+    too_many,
+)
 
 MOST_LINE_BYTES = 2**16
 """Of a question, its end included."""
@@ -55,7 +61,7 @@ class Answer:
 class Line:
     """A question as it came on a line."""
 
-    asked: AskedQuestion
+    asked: ParsedQuestion
     is_json: bool = False
     given_id: Any = field(default=None, compare=False)
     """What the answer in JSON is to be known by; None: nothing."""
@@ -73,7 +79,7 @@ def read_line(data: bytes) -> Line:
     is_json = data.startswith(b"{")
     given_id = None
     try:
-        _refuse_long(data)
+        _check_length(data)
         if is_json:
             asked_for = _object(data)
             given_id = _id_in(asked_for)
@@ -83,7 +89,7 @@ def read_line(data: bytes) -> Line:
         raise LineError(str(error), is_json=is_json, given_id=given_id) from None
 
 
-def _refuse_long(data: bytes) -> None:
+def _check_length(data: bytes) -> None:
     if len(data) >= MOST_LINE_BYTES:
         raise QuestionError(too_long())
 
@@ -214,7 +220,7 @@ def _unquoted(word: str) -> str:
     return text
 
 
-def _of_text(data: bytes) -> AskedQuestion:
+def _of_text(data: bytes) -> ParsedQuestion:
     try:
         text = data.decode()
     except UnicodeDecodeError as error:
@@ -276,7 +282,7 @@ def _id_in(asked_for: dict[str, Any]) -> Any:
     return given_id
 
 
-def _of_object(asked_for: dict[str, Any]) -> AskedQuestion:
+def _of_object(asked_for: dict[str, Any]) -> ParsedQuestion:
     """Return the question of a JSON object: its `args` are words, and its times follow them."""
     if unknown := asked_for.keys() - _KEYS:
         raise QuestionError(f"key {shown(min(unknown))}: expected one of {sorted(_KEYS | {'id'})}")

@@ -181,11 +181,11 @@ class Ros1Node:
         """Run a goal and send what becomes of it; one that was cancelled meanwhile has happened."""
         feedback = getattr(messages, f"{action}Feedback")
         result = getattr(messages, f"{action}Result")
-        said_id = handle.get_goal_id().id
+        raw_goal_id = handle.get_goal_id().id
         goal = Goal(
             action,
-            hashlib.sha256(said_id.encode()).digest()[:16],
-            said_id,
+            hashlib.sha256(raw_goal_id.encode()).digest()[:16],
+            raw_goal_id,
             caller_of(handle),
             _values(handle.get_goal()),
             lambda percent: handle.publish_feedback(feedback(percent_complete=percent)),

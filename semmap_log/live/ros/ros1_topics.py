@@ -219,11 +219,13 @@ def wait_for_listener(server: Any, caller: str) -> None:
     result in vain.
     """
     results = server.result_pub.impl
-    if not results.has_connection(caller) and _has_asked(caller, server.result_pub.resolved_name):
+    if not results.has_connection(caller) and _is_subscribed(
+        caller, server.result_pub.resolved_name
+    ):
         _wait_until(lambda: results.has_connection(caller), LISTENS_WITHIN_S)
 
 
-def _has_asked(caller: str, topic: str) -> bool:
+def _is_subscribed(caller: str, topic: str) -> bool:
     """Return whether a node subscribes to a topic; True as well where the master does not answer.
 
     `rostopic pub` sends goals, and asks for no result.

@@ -19,7 +19,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any, Protocol
 
-from semmap_log.core.io.disk import copy_folder, whole_folder
+from semmap_log.core.io.disk import atomic_folder, copy_folder
 from semmap_log.errors import OutputError
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
 from semmap_log.interop.formats.ros.ros_types import RosVersion
@@ -95,7 +95,7 @@ def write_ros1_messages(folder: Path) -> tuple[Path, bool]:
     folder.mkdir(parents=True, exist_ok=True)
     with (
         as_file(files("semmap_log") / "live" / "robot_files" / NAME) as package,
-        whole_folder(target) as temporary,
+        atomic_folder(target) as temporary,
     ):
         generate(package, into=temporary.parent)
     return target, True
@@ -143,7 +143,7 @@ class Goal:
     """Its type without the package, such as `AddDoor`."""
     goal_id: bytes
     """16 bytes: ROS 2's own; of ROS 1's text the first half of its sha256."""
-    said_id: str
+    raw_goal_id: str
     """As people and tools of that ROS write it."""
     caller: str
     """The client's node; for ROS 2, which does not report it, all nodes with such a client."""
@@ -283,9 +283,9 @@ def outcome_of(run: Callable[[Goal], Outcome], goal: Goal, log: Callable[[str], 
     try:
         outcome = run(goal)
     except Exception as error:  # noqa: BLE001  see above
-        log(f"{goal.action} {goal.said_id}: {traceback.format_exc()}")
+        log(f"{goal.action} {goal.raw_goal_id}: {traceback.format_exc()}")
         outcome = Outcome(succeeded=False, result={}, text=f"{type(error).__name__}: {error}")
     if outcome.text:
         what = "warning about goal" if outcome.succeeded else "refused goal"
-        log(f"{goal.action}: {what} {goal.said_id}: {outcome.text}")
+        log(f"{goal.action}: {what} {goal.raw_goal_id}: {outcome.text}")
     return outcome

@@ -35,7 +35,7 @@ MOST_WAITING = 100_000
 MOST_AT_ONCE = 1000
 LOOK_EVERY_S = 1.0
 """How soon a topic is found that nobody published before."""
-TELL_EVERY_S = 60.0
+REPORT_EVERY_S = 60.0
 QUIET_LOOK_S = 5.0
 """Where no message comes, so often visits are ended whose laser is silent."""
 
@@ -176,7 +176,7 @@ class RosRecorder:
                 ROS cannot have.
             LogPoisonedError: A write failed; what came since then may or may not be stored.
         """
-        self._next_word = time.monotonic() + TELL_EVERY_S
+        self._next_word = time.monotonic() + REPORT_EVERY_S
         writer = threading.Thread(target=self._write, name="recorder")
         writer.start()
         try:
@@ -269,7 +269,7 @@ class RosRecorder:
         if now >= self._next_look:
             self._look()
         if now >= self._next_word:
-            self._next_word = now + TELL_EVERY_S
+            self._next_word = now + REPORT_EVERY_S
             self.say(f"{self.counts}, {self._queue.qsize():,} waiting")
 
     def _write(self) -> None:
@@ -316,7 +316,7 @@ class RosRecorder:
             self.sink.write(made.events, Note(made.actor, source, made.reason))
         except (CommandError, InvalidEventError) as error:
             self._complaints.add(topic, "events that the map forbids; left out", error)
-            self._start_anew()
+            self._resync()
             return
         self._confirm(topic, made.said)
         self._watch.saw(made.events)
@@ -340,7 +340,7 @@ class RosRecorder:
             except (CommandError, InvalidEventError) as error:
                 said = "a sighting by laser that the map forbids; left out"
                 self._complaints.add(commit.note.source, said, error)
-                self._start_anew()
+                self._resync()
                 continue
             with self._lock:
                 self._translator.heed(commit.events)
@@ -348,12 +348,12 @@ class RosRecorder:
             self.counts.events += len(commit.events)
         self.counts.visits = self._watch.visits
 
-    def _start_anew(self) -> None:
+    def _resync(self) -> None:
         """Take the log as it stands: what was made was not stored."""
         known = self.sink.known()
         with self._lock:
-            self._translator.start_anew(known)
-        self._watch.start_anew(known)
+            self._translator.reset_known(known)
+        self._watch.reset_known(known)
 
 
 def _check_name(topic: str, ros_version: RosVersion) -> None:

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.core.batches.columnar_events import ColumnarEvents
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.batches.taken_columns import TakenColumns
 from semmap_log.core.folds.early_events import EarlyEvents
 from semmap_log.core.io.clock import KeptClock
 from semmap_log.core.model.commits import GIVEN_EVENTS, NO_CONTENT, Commit
@@ -34,9 +34,9 @@ from semmap_log.errors import (
     InvalidEventError,
     LogPoisonedError,
 )
-from semmap_log.log.door_log.current_map import WAITING_POSES, Command, CurrentMap, TakenOver
+from semmap_log.log.door_log.current_map import WAITING_POSES, Command, CurrentMap, ImportedCommit
 from semmap_log.log.door_log.known_past import Validator
-from semmap_log.log.door_log.summary import labels_ever, remedy
+from semmap_log.log.door_log.summary import all_door_labels, remedy
 from semmap_log.log.replay.written_state import WrittenState
 from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.writing.writer_opening import OpenedLog
@@ -250,7 +250,7 @@ class Appender:
     ) -> Appended:
         """Write a command's events after the waiting poses, and apply their changes."""
         now, context = self.now, command.context
-        if not isinstance(command, TakenOver):  # which has the content of its own log
+        if not isinstance(command, ImportedCommit):  # which has the content of its own log
             if context.command_id is None:
                 content = NO_CONTENT  # it will not be sent again
             elif content == NO_CONTENT:
@@ -296,7 +296,7 @@ class Appender:
             now.doors = None
         now.index = validator.index if validator.is_index_sure else None
         if validator.has_retraction:
-            self._early.begin_anew()
+            self._early.start_over()
         if validator.early is not None:
             self._early.found.add_all(validator.early.found)
         now.next_event = self._writer.next_event  # last: an interrupt may come in between
@@ -381,7 +381,7 @@ class EarlyWarnings:
         self.found = EarlyEvents.none()
         self._told = 0
 
-    def begin_anew(self) -> None:
+    def start_over(self) -> None:
         """Forget what was found: a retraction may have moved addings."""
         self.found, self._told = EarlyEvents.none(), 0
 
@@ -393,7 +393,7 @@ class EarlyWarnings:
             return
         self._told = count
         since = format_local(min(self.found.first_ns.values()), self._timezone)
-        said = self.found.in_words(labels_ever(self._now.state), since)
+        said = self.found.as_text(all_door_labels(self._now.state), since)
         text = f"{said}; {remedy(self._now.path)}"
         warnings.warn(EarlyEventsWarning(text), stacklevel=frames_of_ours())
 
@@ -434,7 +434,7 @@ class FutureWarnings:
             recorded_ns: When it was recorded.
         """
         parts, self._waiting = self._waiting, []
-        if isinstance(events, TakenColumns):
+        if isinstance(events, ColumnarEvents):
             parts.append(np.array(events.given_times(), np.int64))
         else:
             parts += map(_times_of, events)

@@ -20,7 +20,7 @@ from semmap_log.store.reading.window import Window
 class ClockedLog(Protocol):
     """What is needed of a log: a `DoorLog`."""
 
-    has_told_of_clock: bool
+    has_warned_of_clock: bool
     """Whether the warning was given."""
 
     @property
@@ -48,7 +48,7 @@ def warn_of_clock(log: ClockedLog, since_ns: int | None = None) -> None:
         log: The log.
         since_ns: What was before does not matter; None: all of it does.
     """
-    if log.has_told_of_clock:
+    if log.has_warned_of_clock:
         return
     first_ns, end_ns = believable_span(log)
     if first_ns is not None and (since_ns or 0) < first_ns:
@@ -70,7 +70,7 @@ def believable_span(log: ClockedLog) -> tuple[int | None, int | None]:
 
 
 def _warn(log: ClockedLog, window: Window, why: str) -> None:
-    log.has_told_of_clock = True
+    log.has_warned_of_clock = True
     batches = [batch.folds_ns for batch in log.batches_in(window) if len(batch)]
     ends_ns = min(map(min, batches)), max(map(max, batches))
     first, last = (format_local(int(ns), log.info.timezone)[:4] for ns in ends_ns)

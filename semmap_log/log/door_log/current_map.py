@@ -34,7 +34,7 @@ from semmap_log.core.model.doors import (
     Geometry,
     ObjectClass,
     outline_text,
-    outline_told,
+    parse_outline,
 )
 from semmap_log.core.model.events import ClassDefined, Event, RobotPose, is_whole_number
 from semmap_log.errors import (
@@ -45,9 +45,9 @@ from semmap_log.errors import (
 )
 from semmap_log.log.door_log.door_index import (
     DoorIndex,
-    removed_called,
+    ambiguous_removed,
+    removed_by_name,
     resolve_door,
-    several_removed,
 )
 from semmap_log.log.door_log.known_past import KnownPast
 from semmap_log.log.door_log.queries import Time, happened_ns_of
@@ -137,7 +137,7 @@ def state_meant(state: DoorState | str, of: ObjectClass) -> DoorState:
         return of.state(state if isinstance(state, str) else state.name)
     except ValueError:
         got = state if isinstance(state, str) else state.name
-        raise InvalidEventError("state", f"one of {of.words_told}", got) from None
+        raise InvalidEventError("state", f"one of {of.state_words}", got) from None
 
 
 def class_of(door_id: DoorId, now: CurrentMap) -> ObjectClass:
@@ -146,7 +146,7 @@ def class_of(door_id: DoorId, now: CurrentMap) -> ObjectClass:
     return known.object_class if known else DOOR
 
 
-def defined_by_then(
+def earlier_definition(
     kind: ObjectClass, happened_ns: int | None, now: CurrentMap
 ) -> Iterator[ClassDefined]:
     """Yield a class's definition again if an object has the class before its definition."""
@@ -174,7 +174,7 @@ def check_outline(text: str) -> None:
         CommandError: It states none.
     """
     try:
-        outline_told(text)
+        parse_outline(text)
     except ValueError as error:
         raise CommandError(f"outline: {error}") from None
 
@@ -291,7 +291,7 @@ class GivenEvents(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class MadeEvents(Command):
+class LazyEvents(Command):
     """Events that are made when the command's turn has come, if they are wanted then."""
 
     make: Callable[[], Sequence[Event]]
@@ -304,7 +304,7 @@ class MadeEvents(Command):
 
 
 @dataclass(frozen=True, slots=True)
-class TakenOver(Command):
+class ImportedCommit(Command):
     """A commit of another log."""
 
     make: Callable[[int], Iterable[Event | EventBatch]]
@@ -429,9 +429,9 @@ class CurrentMap:
             try:
                 return resolve_door(door, self.doors)
             except UnknownDoorError:
-                removed = removed_called(door, self._written.get())
+                removed = removed_by_name(door, self._written.get())
                 if len(removed) > 1:
-                    raise UnknownDoorError(several_removed(door, removed)) from None
+                    raise UnknownDoorError(ambiguous_removed(door, removed)) from None
                 if removed:
                     return removed[0]  # that it was removed, the validator says
                 raise

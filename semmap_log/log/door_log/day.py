@@ -64,11 +64,11 @@ def day_of_doors(log: DoorLog, day: Time = None) -> Day:
     Raises:
         MomentError: The time cannot be read.
     """
-    asked_ns = log.instant(day)
-    if asked_ns is None:
+    requested_ns = log.instant(day)
+    if requested_ns is None:
         found = _states_of_day(log, log.states_end_ns())
         return found if found.doors else _states_of_day(log, log.end_ns())
-    return _states_of_day(log, asked_ns)
+    return _states_of_day(log, requested_ns)
 
 
 def _states_of_day(log: DoorLog, moment_ns: int) -> Day:

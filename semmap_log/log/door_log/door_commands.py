@@ -46,7 +46,7 @@ from semmap_log.log.door_log.current_map import (
     check_annotation,
     class_meant,
     class_of,
-    defined_by_then,
+    earlier_definition,
     state_meant,
 )
 from semmap_log.log.door_log.door_log import DoorLog
@@ -147,7 +147,7 @@ class AddDoor(WordedCommand):
             _check_unused(now, self.name, meant)
         said = {"name": self.name, CLASS: "" if kind.is_door else kind.name, OUTLINE: outline}
         return [
-            *defined_by_then(kind, happened_ns, now),
+            *earlier_definition(kind, happened_ns, now),
             added,
             *(
                 DoorAnnotated(door_id=given, key=key, value=value, happened_ns=happened_ns)
@@ -294,7 +294,7 @@ class AnnotateDoor(DoorCommand):
         )
         return [
             DoorAnnotated(door_id=door_id, key=self.key, value=self.value, happened_ns=happened_ns),
-            *defined_by_then(kind, happened_ns, now),
+            *earlier_definition(kind, happened_ns, now),
         ]
 
 

@@ -91,7 +91,7 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
             f"{text!r} can mean {len(doors)} doors: {which}; say which by {ids}."
         )
     if not isinstance(text, str) or _is_door_id(text):
-        raise UnknownDoorError(told_absent(int(text)))
+        raise UnknownDoorError(absence_message(int(text)))
     raise UnknownDoorError(f"no door is called {text!r}.{_similar(str(text), door_map)}")
 
 
@@ -100,7 +100,7 @@ def _door_of_id(text: str, door_map: DoorMap) -> DoorId:
     if not _is_door_id(digits):
         raise UnknownDoorError(f"{text!r}: expected a door's id, such as {ID_PREFIX}7.")
     if int(digits) not in door_map.doors:
-        raise UnknownDoorError(told_absent(int(digits)))
+        raise UnknownDoorError(absence_message(int(digits)))
     return DoorId(int(digits))
 
 
@@ -323,7 +323,7 @@ class DoorIndex:
 
     def told(self, door_id: int) -> str:
         """Return a door in words, with its name."""
-        return told_door(door_id, self.names().get(DoorId(door_id)))
+        return described_door(door_id, self.names().get(DoorId(door_id)))
 
     def way_back(self, door_id: int) -> str:
         """Return how a door that was removed comes back under its id, in words."""
@@ -337,7 +337,7 @@ class DoorIndex:
         """Return the error that a door is not in the map, and why."""
         if door_id in self.removed_ns:
             return DoorRemovedError(f"{self.told(door_id)} was removed.{self.way_back(door_id)}")
-        return UnknownDoorError(told_absent(door_id))
+        return UnknownDoorError(absence_message(door_id))
 
     def brought_back(self, event: Retracted) -> int | None:
         """Return the door whose removal is the first that is taken back, or None.
@@ -427,7 +427,7 @@ ID_PREFIX = "id:"
 """`id:7` is the door of that id, whatever doors are called."""
 
 
-def removed_called(text: str | int, state: DoorMapState) -> list[DoorId]:
+def removed_by_name(text: str | int, state: DoorMapState) -> list[DoorId]:
     """Return the removed doors of that id, name, or level/name, ids ascending."""
     levels = state.level_names()
     found = []
@@ -444,19 +444,19 @@ def removed_called(text: str | int, state: DoorMapState) -> list[DoorId]:
     return found
 
 
-def told_removed(doors: Sequence[DoorId], state: DoorMapState) -> str:
+def removal_message(doors: Sequence[DoorId], state: DoorMapState) -> str:
     """Return that doors were removed, and how to ask of the time when they were there."""
     said = []
     for door_id in doors:
         removed = state.removed_door(door_id)
-        assert removed is not None, "one that `removed_called` gave"
-        called = told_door(door_id, removed.door.name)
+        assert removed is not None, "one that `removed_by_name` gave"
+        called = described_door(door_id, removed.door.name)
         before = f"event:{removed.event - 1}"
         said.append(f"{called} was removed by event {removed.event}; as it was then: --at {before}")
     return ". ".join(said) + "."
 
 
-def several_removed(text: str | int, doors: Sequence[DoorId]) -> str:
+def ambiguous_removed(text: str | int, doors: Sequence[DoorId]) -> str:
     """Return that a name can mean several removed doors, and how to say which."""
     return (
         f"{text!r} is the name of {len(doors)} doors that were removed; say which by "
@@ -464,12 +464,12 @@ def several_removed(text: str | int, doors: Sequence[DoorId]) -> str:
     )
 
 
-def told_door(door_id: int, name: str | None) -> str:
+def described_door(door_id: int, name: str | None) -> str:
     """Return a door in words: `door 'front' (id 7)`, or `door 7`, which has no name."""
     return f"door {name!r} (id {door_id})" if name else f"door {door_id}"
 
 
-def told_absent(door_id: int) -> str:
+def absence_message(door_id: int) -> str:
     """Return that a door is not in the map, and of door 0 why."""
     why = "" if door_id else ": ids are given from 1 on, and 0 comes with the thesis's doors only"
     return f"door {door_id} is not in the map{why}."

@@ -35,11 +35,11 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.core.model.moments import (
     Moment,
+    check_ordered,
     format_local,
     format_short,
     parse_moment,
     parse_range,
-    refuse_reversed,
 )
 from semmap_log.core.texts import counted
 from semmap_log.errors import ClockTimeWarning, LogError, MomentError
@@ -48,13 +48,13 @@ from semmap_log.log.door_log.queries import (
     LogQueries,
     LogTables,
     Time,
+    check_time_unit,
     moment_of,
-    refuse_other_units,
 )
 from semmap_log.log.replay.replay import Scope, replay, visible_batches
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
-from semmap_log.store.pages import EVENT_BITS, bits_of_kinds
+from semmap_log.store.pages import EVENT_BITS, kinds_mask
 from semmap_log.store.reading.reader import LogReader, OnPage
 from semmap_log.store.reading.window import EVERYTHING, Window
 
@@ -69,7 +69,7 @@ if TYPE_CHECKING:
     from semmap_log.log.replay.live_fold import LiveState
     from semmap_log.store.reading.commit_finder import CommitFinder
     from semmap_log.store.reading.following import FollowedCommit
-    from semmap_log.store.reading.segment_reading import SaidFinder
+    from semmap_log.store.reading.segment_reading import NoteFinder
 
 __all__ = ["DoorLog", "Time"]
 
@@ -81,7 +81,7 @@ PIN = "pin:"
 class DoorLog(LogTables, LogQueries, ShownAsTable):
     """A log that is read: as it was when it was opened, or last refreshed."""
 
-    has_told_of_clock = False
+    has_warned_of_clock = False
     """Whether a warning was given that its clock was not set at some time: see `clock_warnings`."""
 
     def __init__(self, path: str | PurePath | LogFolder | LogReader) -> None:
@@ -277,7 +277,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         from semmap_log.log.replay.read_model.events_about import events_about
 
         reader = self._reader
-        ids = None if doors is None else self._ids_ever(doors)
+        ids = None if doors is None else self._ids_or_removed(doors)
         window = self.window(since, until, recorded=recorded, kinds=kinds)
         known = reader.retractions()
         retractions = Retractions() if retracted else known
@@ -312,7 +312,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             self.known_moment(time) if recorded else self.moment(time) for time in (since, until)
         )
         for bound in (first, last):
-            self._check_is_there(bound.event, behind_the_last=1)
+            self._check_is_there(bound.event, after_last=1)
         return Window(
             happened_from_ns=None if recorded else first.ns,
             happened_before_ns=None if recorded else last.ns,
@@ -320,7 +320,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             recorded_before_ns=last.ns if recorded else None,
             first_event=first.event,
             before_event=last.event,
-            kinds=EVENT_BITS if kinds is None else bits_of_kinds(kinds_meant(kinds)),
+            kinds=EVENT_BITS if kinds is None else kinds_mask(kinds_meant(kinds)),
         )
 
     def commits(self) -> Iterator[Commit]:
@@ -400,15 +400,15 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         Args:
             window: Which events: see `window`; default: all.
             progress: Called with the progress of the reading.
-            on_page: Called with the records of each batch that follows: see `said_finder`.
+            on_page: Called with the records of each batch that follows: see `note_finder`.
         """
         return self._reader.batches(window, progress=progress, on_page=on_page)
 
-    def said_finder(self) -> SaidFinder:
+    def note_finder(self) -> NoteFinder:
         """Return what finds who and why of events; quick if its `look_at` is given each page."""
-        from semmap_log.store.reading.segment_reading import SaidFinder
+        from semmap_log.store.reading.segment_reading import NoteFinder
 
-        return SaidFinder(self._reader.commit_at)
+        return NoteFinder(self._reader.commit_at)
 
     def commit_finder(self) -> CommitFinder:
         """Return what finds the commits of events; quick if its `look_at` is given each page."""
@@ -505,11 +505,11 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
         return early_events(self._reader)
 
-    def since_ever_ns(self) -> int | None:
+    def before_first_ns(self) -> int | None:
         """Return a whole second before the earliest event; None: the log has none."""
-        from semmap_log.log.door_log.summary import since_ever_ns
+        from semmap_log.log.door_log.summary import before_first_ns
 
-        return since_ever_ns(self._reader)
+        return before_first_ns(self._reader)
 
     def backdated(self, doors: Collection[DoorId], since_ns: int) -> list[Event]:
         """Return the events of one commit by which doors are in the map from an earlier time on."""
@@ -523,7 +523,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
         return summarize(self._reader, progress=progress)
 
-    def opened_anew(self) -> DoorLog:
+    def reopened_log(self) -> DoorLog:
         """Return the log as it is on the disk now; this object stays as it was opened."""
         return DoorLog(self._opened.anew())
 
@@ -563,7 +563,9 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
         window = self.window(since, until, recorded=recorded, kinds=kinds)
         doors = None if object_class is None else self.ids_of_class(object_class)
-        return entries(self._reader, window, doors if door is None else self._ids_ever([door]))
+        return entries(
+            self._reader, window, doors if door is None else self._ids_or_removed([door])
+        )
 
     def entry(self, number: int) -> HistoryEntry:
         """Return one event with who did it and why.
@@ -678,10 +680,10 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         """
         from semmap_log.core.folds.timeline import Timeline
 
-        (door_id,) = self._ids_ever([door])
+        (door_id,) = self._ids_or_removed([door])
         found = self.timelines([door_id], at, known_at, since=since, until=until, progress=progress)
         if door_id not in found:
-            self.resolve_ever(door_id)
+            self.resolve_any_door(door_id)
             return Timeline.empty(door_id)
         return found[door_id]
 
@@ -714,16 +716,16 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
         scope = self.scope(at, known_at)
         since_ns, until_ns = self.instant(since), self.instant(until)
-        refuse_reversed(since_ns, until_ns)
+        check_ordered(since_ns, until_ns)
         warn_of_clock(self, since_ns)
         self._reader.check_horizon(Window(happened_from_ns=since_ns, happened_before_ns=until_ns))
-        asked_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
-        ids = None if doors is None else self._ids_ever(doors)
-        if asked_ns is None and scope.event is None:
-            asked_ns = self.end_ns()  # which the events of some doors alone do not show
-        alone = None if asked_ns is None else ids
+        requested_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
+        ids = None if doors is None else self._ids_or_removed(doors)
+        if requested_ns is None and scope.event is None:
+            requested_ns = self.end_ns()  # which the events of some doors alone do not show
+        alone = None if requested_ns is None else ids
         batches = visible_batches(self._reader, scope, progress=progress, doors=alone)
-        found = timelines(batches, ids, end_ns=asked_ns, holds=self.info.holds)
+        found = timelines(batches, ids, end_ns=requested_ns, holds=self.info.holds)
         return {i: each.between(since_ns, until_ns) for i, each in found.items()}
 
     def plot(
@@ -848,24 +850,24 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
     def door_labels(self) -> dict[DoorId, str]:
         """Return the same for messages: level/name where several doors bear the name."""
-        from semmap_log.log.door_log.summary import labels_ever
+        from semmap_log.log.door_log.summary import all_door_labels
 
-        return labels_ever(replay(self._reader, with_newer=True))
+        return all_door_labels(replay(self._reader, with_newer=True))
 
-    def resolve_ever(self, door: str | int) -> DoorId:
+    def resolve_any_door(self, door: str | int) -> DoorId:
         """Return the door of that id, name, or level/name; one that was removed, or retracted, too.
 
         Raises:
             UnknownDoorError: There is none, and never was.
         """
-        from semmap_log.log.door_log.queries import door_ever
+        from semmap_log.log.door_log.queries import door_or_removed
 
-        return door_ever(door, self._reader)
+        return door_or_removed(door, self._reader)
 
-    def _ids_ever(self, doors: Iterable[DoorId | str]) -> list[DoorId]:
-        from semmap_log.log.door_log.queries import ids_ever
+    def _ids_or_removed(self, doors: Iterable[DoorId | str]) -> list[DoorId]:
+        from semmap_log.log.door_log.queries import ids_or_removed
 
-        return ids_ever(doors, self._reader)
+        return ids_or_removed(doors, self._reader)
 
     def moment(self, time: Time, *, now_ns: int | None = None) -> Moment:
         """Return what a time means in this log.
@@ -897,7 +899,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         if isinstance(time, str) and time.startswith(PIN):
             return self._pinned(time.removeprefix(PIN))
         if isinstance(time, int):
-            refuse_other_units(time, self.since_ever_ns)
+            check_time_unit(time, self.before_first_ns)
         return moment_of(time, tz=self.info.timezone, end_ns=end_ns, last_ns=last_ns)
 
     def _last_before(self, time: str) -> int:
@@ -952,17 +954,17 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             self._check_is_there(number)
         return Scope(happened.ns, known.ns, min(numbers, default=None))
 
-    def _check_is_there(self, event: int | None, *, behind_the_last: int = 0) -> None:
+    def _check_is_there(self, event: int | None, *, after_last: int = 0) -> None:
         """Check that the log has the event of that number: after the end nothing is known.
 
         Args:
             event: Its number; None: not given, nothing is checked.
-            behind_the_last: So many numbers after the last event's are accepted, too.
+            after_last: So many numbers after the last event's are accepted, too.
 
         Raises:
             LogError: It has none; the message names the last.
         """
-        if event is not None and event > self._reader.last_event() + behind_the_last:
+        if event is not None and event > self._reader.last_event() + after_last:
             raise self._reader.no_event(event)
 
     def __enter__(self) -> Self:

@@ -27,8 +27,8 @@ from semmap_log.log.door_log.current_map import (
     CommandContext,
     Events,
     GivenEvents,
-    MadeEvents,
-    TakenOver,
+    ImportedCommit,
+    LazyEvents,
 )
 from semmap_log.log.door_log.door_commands import (
     AddDoor,
@@ -420,7 +420,7 @@ class DoorLogWriter(DoorLog):
             LogPoisonedError: A write failed; the outcome is unknown until the log is reopened.
         """
         context = CommandContext(None, note, command_id)
-        return self._appender.append_if_any(MadeEvents(context, make, content))
+        return self._appender.append_if_any(LazyEvents(context, make, content))
 
     def sync(self) -> None:
         """Return once every commit so far survives a power cut."""
@@ -451,7 +451,7 @@ class DoorLogWriter(DoorLog):
             CommandError: The map forbids an event; nothing of the commit is stored.
             LogPoisonedError: A write failed; the outcome is unknown until the log is reopened.
         """
-        command = TakenOver(CommandContext(None, note, command_id), make, content)
+        command = ImportedCommit(CommandContext(None, note, command_id), make, content)
         return self._appender.take_over(command, are_facts=are_facts, recorded_ns=recorded_ns)
 
     def begin_at(self, recorded_ns: int) -> bool:

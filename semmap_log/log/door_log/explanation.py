@@ -110,7 +110,7 @@ class Explanation(ShownAsTable):
     """None: no other was reported."""
 
     def __repr__(self) -> str:
-        told = f"true {_in_words(self.true)}, believed {_in_words(self.believed)}"
+        told = f"true {_phrase(self.true)}, believed {_phrase(self.believed)}"
         return f"<Explanation of {self.label!r} at {format_utc(self.time_ns)}: {told}>"
 
     @property
@@ -120,7 +120,7 @@ class Explanation(ShownAsTable):
         return same and self.true.is_removed == self.believed.is_removed
 
 
-def _in_words(known: StateReason) -> str:
+def _phrase(known: StateReason) -> str:
     if known.state is not None:
         return known.state.name
     return "removed" if known.is_removed else "not there"

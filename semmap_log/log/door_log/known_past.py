@@ -18,8 +18,8 @@ from weakref import WeakMethod
 
 import numpy as np
 
+from semmap_log.core.batches.columnar_events import ColumnarEvents
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.batches.taken_columns import TakenColumns
 from semmap_log.core.folds.early_events import MAY_BE_EARLY, Addings, EarlyEvents
 from semmap_log.core.folds.history import HistoryEntry, history
 from semmap_log.core.folds.levels import only_level, told
@@ -58,13 +58,13 @@ from semmap_log.log.door_log.door_index import (
     ON_A_LEVEL,
     SIGHTINGS,
     DoorIndex,
+    absence_message,
     kinds_of,
     lacks_levels,
     rows_to_check,
-    told_absent,
     with_levels,
 )
-from semmap_log.store.pages import bits_of_kinds
+from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
 
@@ -113,7 +113,7 @@ class Validator:
         self._first = next_event if first_new is None else first_new
         self._next_event = next_event
         self._timeless: list[DoorAdded | DoorRemoved] = []
-        self._taken_back: dict[int, int] = {}
+        self._retracted: dict[int, int] = {}
         """Doors whose adding this commit retracts -> when they had been added."""
         self.early: EarlyCounter | None = None
         """Of what passed and had happened before its door was added; None: nothing did."""
@@ -126,7 +126,7 @@ class Validator:
         """
         kinds = set(map(type, events))
         if kinds <= _SIGHTINGS:
-            taken = TakenColumns(events, kinds)  # type: ignore[arg-type]
+            taken = ColumnarEvents(events, kinds)  # type: ignore[arg-type]
             if all(map(self.index.placed.__contains__, taken.door_ids)):  # nearly every commit
                 self._next_event += len(events)  # of a patrol: nothing else can be wrong
                 self._note_early(taken)
@@ -212,7 +212,7 @@ class Validator:
             self._check_retraction(event)
             self.is_index_sure, self.has_retraction = False, True
             self._own_index()
-            self._taken_back |= self.index.take_back(event.first_event, event.last_event)
+            self._retracted |= self.index.take_back(event.first_event, event.last_event)
         elif isinstance(event, UnknownEvent):
             expected = "an event of a kind that this version knows"
             raise InvalidEventError("event", expected, type(event).__name__)
@@ -252,7 +252,7 @@ class Validator:
             else:
                 self.index.removed_ns[event.door_id] = commit.wall_clock_ns
 
-    def _note_early(self, events: TakenColumns) -> None:
+    def _note_early(self, events: ColumnarEvents) -> None:
         """Count those that had happened before their door was added.
 
         Args:
@@ -292,8 +292,8 @@ class Validator:
         door_id = event.door_id
         if door_id in self.index.placed:
             raise DoorExistsError(f"door {door_id} is in the map already; choose another id.")
-        if door_id in self._taken_back:
-            self._check_correction(event, self._taken_back[door_id])
+        if door_id in self._retracted:
+            self._check_correction(event, self._retracted[door_id])
         elif door_id in self.index.used_ids:
             raise DoorRemovedError(
                 f"{self.index.told(door_id)} was removed, and an id is never used twice; "
@@ -317,7 +317,7 @@ class Validator:
             return  # of sightings that the log holds
         removed_ns = self.index.removed_ns.get(door_id)
         if removed_ns is None:
-            raise UnknownDoorError(told_absent(door_id))
+            raise UnknownDoorError(absence_message(door_id))
         is_late = event.happened_ns is None or event.happened_ns > removed_ns
         if is_late and not self._are_facts:
             raise DoorRemovedError(
@@ -509,7 +509,7 @@ class KnownPast:
                 happened_from_ns=begin_ns,
                 happened_before_ns=run.first_ns + 1,
                 first_event=reader.horizon or None,
-                kinds=bits_of_kinds(STATE_KINDS),
+                kinds=kinds_mask(STATE_KINDS),
             )
             hidden = reader.retractions()
             rows = state_rows(map(hidden.visible, reader.batches(window, doors=[run.door_id])))
@@ -531,7 +531,7 @@ class KnownPast:
     def _thinned(self) -> ThinnedRuns:
         reader, found = self._reader(), ThinnedRuns()
         hidden = reader.retractions()
-        kept = Window(kinds=bits_of_kinds([SightingsThinned]), first_event=reader.horizon or None)
+        kept = Window(kinds=kinds_mask([SightingsThinned]), first_event=reader.horizon or None)
         for batch in reader.batches(kept):
             found.apply(hidden.visible(batch))
         return found
@@ -603,12 +603,12 @@ def newly_hidden(log: DoorLog, number: int) -> Iterator[HistoryEntry]:
     event = log.event(number).event
     assert isinstance(event, Retracted)
     hidden = log.retractions(limit=number)
-    finder = log.said_finder()
+    finder = log.note_finder()
     earlier = hidden.up_to(number - 1)
     for first, last in _newly_hidden(event.first_event, event.last_event, earlier, hidden.numbers):
         window = Window(first_event=first, before_event=last + 1)
         batches = log.batches_in(window, on_page=finder.look_at)
-        yield from history(batches, finder.said_of, hidden)
+        yield from history(batches, finder.note_texts_of, hidden)
 
 
 def _newly_hidden(

@@ -19,9 +19,9 @@ from semmap_log.core.model.meaning import Presence
 from semmap_log.core.model.moments import Moment
 from semmap_log.log.replay.change_finder import ChangeFinder
 from semmap_log.log.replay.read_model.events_about import SegmentTables, events_about
-from semmap_log.store.pages import Page, bits_of_kinds
+from semmap_log.store.pages import Page, kinds_mask
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.segment_reading import SaidFinder, batches_of
+from semmap_log.store.reading.segment_reading import NoteFinder, batches_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
 
@@ -29,7 +29,7 @@ from semmap_log.store.reading.window import Window
 def last_patrol(reader: LogReader, kind: type[PatrolStarted | PatrolFinished]) -> int:
     """Return the greatest number of a round that began, or ended; 0: none did."""
     hidden = reader.retractions()
-    batches = map(hidden.visible, reader.batches(Window(kinds=bits_of_kinds([kind]))))
+    batches = map(hidden.visible, reader.batches(Window(kinds=kinds_mask([kind]))))
     return max((int(batch[kind]["patrol"].max()) for batch in batches if len(batch)), default=0)
 
 
@@ -93,7 +93,7 @@ def entries(
         doors: Only those about these; None: all.
         with_newer: And those of kinds unknown here, which may be about any.
     """
-    finder, changes = SaidFinder(reader.commit_at), ChangeFinder(reader, doors)
+    finder, changes = NoteFinder(reader.commit_at), ChangeFinder(reader, doors)
     retractions = reader.retractions(with_newer=with_newer)
 
     def look_at(segment: Segment, page: Page) -> None:
@@ -107,7 +107,7 @@ def entries(
     batches = events_about(
         reader, window, doors, with_newer=with_newer, on_page=look_at, on_rows=look_at_rows
     )
-    return history(batches, finder.said_of, retractions, changes.changes_in)
+    return history(batches, finder.note_texts_of, retractions, changes.changes_in)
 
 
 def comes_after(one: Moment, other: Moment) -> bool:

@@ -29,7 +29,7 @@ _LOCALTIME = Path("/etc/localtime")
 
 
 class FollowsWriter(Protocol):
-    """Signs what a writer appends: `semmap_log.log.signing.sign_beside.SignBeside`."""
+    """Signs what a writer appends: `semmap_log.log.signing.background_signer.BackgroundSigner`."""
 
     def follow(self, writer: LogWriter) -> None:
         """Take the writer, before anything is appended."""
@@ -107,7 +107,7 @@ def append(path: str | Path, **writing: Unpack[WritingOptions]) -> DoorLogWriter
         compact: Put full segments into large compressed chunks, in a background thread.
         clock: Where times come from; default: the machine.
         entropy: Where ids come from; seed it to get the same bytes again.
-        signer: Signs the log's end from time to time: a `SignBeside`; default: nobody does.
+        signer: Signs the log's end from time to time: a `BackgroundSigner`; default: nobody does.
 
     Raises:
         NotALogError: There is none at that path.

@@ -31,13 +31,13 @@ from semmap_log.core.model.moments import INSTANTS, SECOND_NS, Moment, parse_mom
 from semmap_log.errors import MomentError, UnknownDoorError
 from semmap_log.log.door_log.door_index import (
     ID_PREFIX,
-    removed_called,
+    ambiguous_removed,
+    removal_message,
+    removed_by_name,
     resolve_door,
-    several_removed,
-    told_removed,
 )
 from semmap_log.log.replay.replay import Scope, replay
-from semmap_log.store.pages import bits_of_kinds
+from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment, numbers_of
@@ -72,13 +72,13 @@ def door_in(
         return resolve_door(door, door_map)
     except UnknownDoorError:
         state = replay(reader, scope) if state is None else state
-        removed = removed_called(door, state)
+        removed = removed_by_name(door, state)
         if not removed:
             raise
-        raise UnknownDoorError(told_removed(removed, state)) from None
+        raise UnknownDoorError(removal_message(removed, state)) from None
 
 
-def door_ever(door: str | int, reader: LogReader) -> DoorId:
+def door_or_removed(door: str | int, reader: LogReader) -> DoorId:
     """Return the door of that id, name, or level/name; one that was removed, or retracted, too.
 
     Raises:
@@ -88,12 +88,12 @@ def door_ever(door: str | int, reader: LogReader) -> DoorId:
     try:
         return resolve_door(door, state.door_map())
     except UnknownDoorError:
-        removed = removed_called(door, state)
+        removed = removed_by_name(door, state)
         if len(removed) > 1:
-            raise UnknownDoorError(several_removed(door, removed)) from None
+            raise UnknownDoorError(ambiguous_removed(door, removed)) from None
         if removed:
             return removed[0]
-        for ever in (state, _ever_said(reader)):
+        for ever in (state, _with_retracted(reader)):
             names = ever.names()
             for door_id in map(DoorId, sorted(ever.used_door_ids)):
                 called = (str(door_id), f"{ID_PREFIX}{door_id}", names.get(door_id))
@@ -102,7 +102,7 @@ def door_ever(door: str | int, reader: LogReader) -> DoorId:
         raise
 
 
-def ids_ever(doors: Iterable[DoorId | str], reader: LogReader) -> list[DoorId]:
+def ids_or_removed(doors: Iterable[DoorId | str], reader: LogReader) -> list[DoorId]:
     """Return the ids of doors; a name is looked up, those of doors that are gone, too.
 
     Args:
@@ -115,7 +115,7 @@ def ids_ever(doors: Iterable[DoorId | str], reader: LogReader) -> list[DoorId]:
     return [
         DoorId(int(door))
         if not isinstance(door, str) and is_whole_number(door)
-        else door_ever(door, reader)
+        else door_or_removed(door, reader)
         for door in doors_listed(doors)
     ]
 
@@ -126,21 +126,21 @@ def doors_listed(doors: Iterable[DoorId | str] | DoorId | str) -> Iterable[DoorI
     return cast("Iterable[DoorId | str]", [doors] if one_alone else doors)
 
 
-def _ever_said(reader: LogReader) -> DoorMapState:
+def _with_retracted(reader: LogReader) -> DoorMapState:
     """Return all doors and names that ever were, as if nothing had been retracted."""
     state = DoorMapState()
-    for batch in reader.batches(Window(kinds=bits_of_kinds([DoorAdded, DoorAnnotated]))):
+    for batch in reader.batches(Window(kinds=kinds_mask([DoorAdded, DoorAnnotated]))):
         state.apply(batch)
     return state
 
 
-def names_ever(reader: LogReader) -> dict[DoorId, set[str]]:
+def all_door_names(reader: LogReader) -> dict[DoorId, set[str]]:
     """Return all names that each door ever had, including names that were retracted.
 
     A door that was neither added nor named, as in what was recovered of a log, is not among them.
     """
     found: dict[DoorId, set[str]] = {}
-    for batch in reader.batches(Window(kinds=bits_of_kinds([*ADDING_KINDS, DoorAnnotated]))):
+    for batch in reader.batches(Window(kinds=kinds_mask([*ADDING_KINDS, DoorAnnotated]))):
         for door_id in distinct(batch.door_ids()[batch.about_doors()]).tolist():
             found.setdefault(DoorId(door_id), set())
         for event in batch.objects.get(DoorAnnotated.kind, ()):
@@ -198,7 +198,7 @@ class LogTables(ABC):
             MissingExtraError: pyarrow is not installed.
         """
         from semmap_log.core.arrow.history_table import joined
-        from semmap_log.log.door_log.asked_tables import columns_called
+        from semmap_log.log.door_log.arrow_tables import columns_called
 
         columns = columns_called(choice.get("columns"))
         return joined(self.tables(since, until, **choice), columns)
@@ -269,9 +269,9 @@ class LogTables(ABC):
             CommandError: There is no such column.
             UnknownDoorError: No door has such a name, or ever had.
         """
-        from semmap_log.log.door_log.asked_tables import columns_called, event_tables
+        from semmap_log.log.door_log.arrow_tables import columns_called, event_tables
 
-        ids = None if doors is None else ids_ever(doors, self._reader)
+        ids = None if doors is None else ids_or_removed(doors, self._reader)
         return event_tables(
             self._reader,
             self.window(since, until, recorded=recorded, kinds=kinds),
@@ -298,7 +298,7 @@ class LogTables(ABC):
                 all.
             progress: Called with the progress of the reading.
         """
-        from semmap_log.log.door_log.asked_tables import columns_called, event_tables
+        from semmap_log.log.door_log.arrow_tables import columns_called, event_tables
 
         chosen = columns_called(columns)
         return event_tables(self._reader, window, chosen, limit=limit, progress=progress)
@@ -340,9 +340,9 @@ class LogQueries(ABC):
         """Yield the smaller ranges, of a chunk or a few, of one that `parts` gave."""
         return parts_of_segment(self._reader, part)
 
-    def names_ever(self) -> dict[DoorId, set[str]]:
+    def all_door_names(self) -> dict[DoorId, set[str]]:
         """Return all names that each door ever had; retracted ones, too."""
-        return names_ever(self._reader)
+        return all_door_names(self._reader)
 
     def history_in(
         self, window: Window, doors: Collection[DoorId] | None = None
@@ -372,7 +372,7 @@ class LogQueries(ABC):
             columns: Names of columns of `tables`.
             doors: Only events about these need be there; None: all.
         """
-        from semmap_log.log.door_log.asked_tables import columns_called, unordered_tables
+        from semmap_log.log.door_log.arrow_tables import columns_called, unordered_tables
 
         return unordered_tables(self._reader, windows, columns_called(columns), doors)
 
@@ -481,7 +481,7 @@ def moment_of(
     return Moment(ns=int(time))
 
 
-def refuse_other_units(time: int, first_ns: Callable[[], int | None]) -> None:
+def check_time_unit(time: int, first_ns: Callable[[], int | None]) -> None:
     """Refuse a number that would be in January 1970 as nanoseconds, in a log that begins later.
 
     Args:

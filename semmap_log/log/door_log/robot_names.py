@@ -12,7 +12,7 @@ from semmap_log.core.model.events import RobotPose
 from semmap_log.store.header import LogInfo
 
 BETWEEN_ROBOTS = ", "
-BEHIND_ROBOT = "/"
+AFTER_ROBOT = "/"
 """Between a robot and what its own log says of a source: `tug1/camera`."""
 
 
@@ -27,5 +27,5 @@ def robots_of_poses(batch: EventBatch, robots: Sequence[str]) -> NDArray[np.intp
         return np.zeros(len(batch.where(RobotPose)), np.intp)
     places, sources = batch.sources(RobotPose)
     known = {name: place for place, name in enumerate(robots)}
-    of_source = [known.get(source.partition(BEHIND_ROBOT)[0], 0) for source in sources]
+    of_source = [known.get(source.partition(AFTER_ROBOT)[0], 0) for source in sources]
     return np.array(of_source, np.intp)[places]

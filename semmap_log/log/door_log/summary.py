@@ -49,7 +49,7 @@ from semmap_log.log.replay.read_model.indexing import IndexState, index_state
 from semmap_log.log.replay.state import keyframe_at
 from semmap_log.store.clock_check import ClockCheck, SuspectCommit
 from semmap_log.store.header import LogInfo
-from semmap_log.store.pages import bits_of_kinds
+from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
@@ -162,12 +162,12 @@ def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:
     newer = reader.newer_events
     if newer.first is not None:
         warnings.append(
-            f"a newer version of semmap-log has written {newer.in_words()}, from event "
+            f"a newer version of semmap-log has written {newer.as_text()}, from event "
             f"{newer.first} on: unknown here, and the doors may have changed since"
         )
     elif newer.counts:
         warnings.append(
-            f"a newer version of semmap-log has written {newer.in_words()}: unknown here; they "
+            f"a newer version of semmap-log has written {newer.as_text()}: unknown here; they "
             "change nothing else"
         )
     if tally.late_clock:
@@ -179,7 +179,7 @@ def _warnings(reader: LogReader, tally: _Tally, door_map: DoorMap) -> list[str]:
     early = EarlyEvents.none() if newer.first is not None else early_events(reader)
     if early.counts:
         since = format_local(min(early.first_ns.values()), reader.info.timezone)
-        warnings.append(f"{early.in_words(labels, since)}; {remedy(reader.folder)}")
+        warnings.append(f"{early.as_text(labels, since)}; {remedy(reader.folder)}")
     warnings += [
         f"{labels.get(door.door_id, door.label)}: P(open) + P(closed) = "
         f"{door.prob_open + door.prob_closed:.3g}, above 1"
@@ -211,17 +211,17 @@ def open_any(path: Path) -> LogReader:
 
 
 def labels_of(door_map: DoorMap) -> dict[DoorId, str]:
-    """Return what to call each door of a map that has a name: see `told_apart`."""
+    """Return what to call each door of a map that has a name: see `distinct_labels`."""
     doors = door_map.doors.values()
-    return told_apart((door, door_map.level_name(door.level)) for door in doors)
+    return distinct_labels((door, door_map.level_name(door.level)) for door in doors)
 
 
-def labels_ever(state: DoorMapState) -> dict[DoorId, str]:
+def all_door_labels(state: DoorMapState) -> dict[DoorId, str]:
     """Return the same, and the names of doors that were removed."""
     return {**state.names(), **labels_of(state.door_map())}
 
 
-def told_apart(doors: Iterable[tuple[Door, str]]) -> dict[DoorId, str]:
+def distinct_labels(doors: Iterable[tuple[Door, str]]) -> dict[DoorId, str]:
     """Return what to call each door that has a name, given the name of its level.
 
     Its name; where several bear it level/name, as commands take it; where even that is another's,
@@ -285,7 +285,7 @@ def early_events(reader: LogReader) -> EarlyEvents:
     """Return the events from before their door was added; retracted ones are left out."""
     hidden = reader.retractions()
     stamps: dict[int, tuple[int, int]] = {}
-    for batch in reader.batches(Window(kinds=bits_of_kinds([DoorAdded]))):
+    for batch in reader.batches(Window(kinds=kinds_mask([DoorAdded]))):
         seen = hidden.visible(batch)
         times = zip(seen.folds_ns.tolist(), seen.number.tolist(), strict=True)
         stamps |= dict(zip(seen.door_ids().tolist(), times, strict=True))
@@ -293,7 +293,7 @@ def early_events(reader: LogReader) -> EarlyEvents:
     window = Window(
         happened_before_ns=addings.latest_ns + 1,
         first_event=reader.horizon or None,
-        kinds=bits_of_kinds(MAY_BE_EARLY),
+        kinds=kinds_mask(MAY_BE_EARLY),
     )
     for batch in reader.batches(window):
         seen = hidden.visible(batch)
@@ -309,7 +309,7 @@ def remedy(log: PurePath) -> str:
     return f"if they were there already, say so: {line}"
 
 
-def since_ever_ns(reader: LogReader) -> int | None:
+def before_first_ns(reader: LogReader) -> int | None:
     """Return a whole second before the earliest event; None: the log has none."""
     spans = [segment.span for segment in reader.segments if len(segment.chunks)]
     least_ns = min((least for least, _ in spans if least >= 0), default=None)
@@ -338,7 +338,7 @@ def backdated(reader: LogReader, doors: Collection[DoorId], since_ns: int) -> li
     if not addings:
         return []
     levels = {each.event.level for each in addings if isinstance(each.event, DoorAdded)}
-    said = _said_with(reader, addings)
+    said = _notes_with(reader, addings)
     told_of = _told_of(reader, since_ns)
     made: list[Event] = [*_floors(reader, levels, since_ns), *_classes(reader, said, since_ns)]
     numbers = sorted(each.number for each in [*addings, *said])
@@ -363,7 +363,7 @@ def added_since(added: DoorAdded, since_ns: int | None) -> Iterator[Event]:
     unsaid = {name: defaults[name] for name, part in PART_OF.items() if not part & PLACING}
     yield replace(added, happened_ns=since_ns, **unsaid)
     said = {name: getattr(added, name) for name in unsaid}
-    told = {name: value for name, value in said.items() if _is_told(value)}
+    told = {name: value for name, value in said.items() if _is_reported(value)}
     if told:
         yield DoorUpdated(
             happened_ns=added.happened_ns,
@@ -373,11 +373,11 @@ def added_since(added: DoorAdded, since_ns: int | None) -> Iterator[Event]:
         )
 
 
-def _is_told(value: Any) -> bool:
+def _is_reported(value: Any) -> bool:
     return value is not DoorState.UNKNOWN and not math.isnan(value)
 
 
-def _said_with(reader: LogReader, addings: Iterable[RecordedEvent]) -> list[RecordedEvent]:
+def _notes_with(reader: LogReader, addings: Iterable[RecordedEvent]) -> list[RecordedEvent]:
     """Return what the commits that added doors say of them in words."""
     commits: dict[DoorId, Commit] = {}
     last: Commit | None = None
@@ -435,7 +435,7 @@ def _classes(
 
 def _visible(reader: LogReader, kind: type[Event]) -> Iterator[RecordedEvent]:
     hidden = reader.retractions()
-    for batch in reader.batches(Window(kinds=bits_of_kinds([kind]))):
+    for batch in reader.batches(Window(kinds=kinds_mask([kind]))):
         yield from hidden.visible(batch)
 
 

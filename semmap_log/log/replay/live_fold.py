@@ -27,7 +27,7 @@ class LiveState(Generic[S]):
     """To look at: a projection may change it in place when it goes on."""
     event: int
     """The last event in it; -1: none."""
-    began_anew: bool = False
+    was_restarted: bool = False
     """It was folded again from the log's start: a retraction hid what was in the state before,
     something was redacted, or what came next was no longer kept."""
 
@@ -73,9 +73,9 @@ def fold_live(
                 seen = reader.segments
                 before = running.position.event
                 _check_continues(reader, running)
-                began_anew = running.advance(reader)
+                was_restarted = running.advance(reader)
                 if is_first_look or running.position.event != before:
-                    yield LiveState(running.state, running.position.event, began_anew)
+                    yield LiveState(running.state, running.position.event, was_restarted)
             running.save_if_due()
             if is_last_look:
                 return

@@ -136,7 +136,7 @@ def kept_commits(
     """
     ends_before = reader.horizon and limit is not None and limit < reader.horizon - 1
     if ends_before or (at_ns is not None and at_ns < reader.horizon_ns):
-        raise reader.behind_horizon()
+        raise reader.horizon_error()
     for followed in _all_kept(reader):
         if limit is not None and followed.commit.first_event > limit:
             return

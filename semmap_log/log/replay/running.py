@@ -12,9 +12,9 @@ from semmap_log.log.replay.state import (
     NO_EVENT,
     Checkpoint,
     Position,
-    events_behind,
+    events_after,
     hiding,
-    retractions_behind,
+    retractions_after,
 )
 from semmap_log.store.reading.reader import LogReader
 
@@ -74,19 +74,19 @@ class RunningFold(Generic[S]):
             at_ns: Only what had happened by then; then, too, nothing is saved.
             progress: Called with the progress of the reading.
         """
-        later = retractions_behind(reader, self.position.event, limit)
+        later = retractions_after(reader, self.position.event, limit)
         so_far = self.position
-        begins_anew = (
+        must_restart = (
             so_far.is_touched_by(later)
             or so_far.is_before_redaction(reader)
             or so_far.is_before_horizon(reader)
         )
-        if begins_anew:
-            self._begin_anew()
-            later = retractions_behind(reader, NO_EVENT, limit)
+        if must_restart:
+            self._reset()
+            later = retractions_after(reader, NO_EVENT, limit)
         self._retractions = (*self._retractions, *later)
         self._hidden = hiding(self._retractions)
-        for batch in events_behind(reader, self._event, limit, at_ns=at_ns, progress=progress):
+        for batch in events_after(reader, self._event, limit, at_ns=at_ns, progress=progress):
             is_kept = int(batch.number[-1]) >= reader.horizon
             can_save = at_ns is None and is_kept and self._is_due()
             rest = self._save_on_the_way(reader, batch) if can_save else batch
@@ -95,7 +95,7 @@ class RunningFold(Generic[S]):
         commit = reader.find_commit(self._event) if is_further else None
         if commit is not None and commit.last_event == self._event:
             self._settle(commit.last_event, commit.hash)
-        return begins_anew
+        return must_restart
 
     def save_if_due(self) -> None:
         """Save, unless that was done a short while ago."""
@@ -116,7 +116,7 @@ class RunningFold(Generic[S]):
             self._saved_event = self.position.event
         self._saved_at_s = time.monotonic()
 
-    def _begin_anew(self) -> None:
+    def _reset(self) -> None:
         self.position, self.state = Position(), self._projection.initial()
         self._event, self._latest_ns, self._retractions = NO_EVENT, 0, ()
 

@@ -47,10 +47,10 @@ from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.projection import Dumping, Projection, name_of, version_of
 from semmap_log.core.folds.registers import NEVER
 from semmap_log.core.io.disk import (
+    check_outside_log,
     left_by_killed,
     output_errors,
     read_own,
-    refuse_own_folder,
     replace_file,
 )
 from semmap_log.core.io.inflating import inflated
@@ -78,7 +78,7 @@ from semmap_log.errors import (
 from semmap_log.log.replay import keyframes
 from semmap_log.log.replay.plain_state import dump_plain, load_plain
 from semmap_log.store.header import TrimReason
-from semmap_log.store.pages import EVENT_BITS, EXPIRING_BITS, KEYFRAME_BIT, bits_of_kinds
+from semmap_log.store.pages import EVENT_BITS, EXPIRING_BITS, KEYFRAME_BIT, kinds_mask
 from semmap_log.store.reading.reader import BEGINNING, ChunkPlace, LogReader
 from semmap_log.store.reading.segment_reading import page_at
 from semmap_log.store.reading.segment_scan import Segment, numbers_of
@@ -90,7 +90,7 @@ def pins(reader: LogReader) -> dict[str, MomentPinned]:
     """Return the pins of a log by their names, as they were made, or got a state, last."""
     hidden = reader.retractions()
     found: dict[str, MomentPinned] = {}
-    for batch in reader.batches(Window(kinds=bits_of_kinds([MomentPinned]))):
+    for batch in reader.batches(Window(kinds=kinds_mask([MomentPinned]))):
         for recorded in hidden.visible(batch):
             assert isinstance(recorded.event, MomentPinned), "no other kind was asked for"
             found[recorded.event.name] = recorded.event
@@ -262,7 +262,7 @@ class Checkpoint(Generic[S]):
         folder = path.absolute().parent
         if not folder.is_dir():
             raise OutputError(f"{path}: there is no such folder; make it first.")
-        refuse_own_folder(reader.folder, path)
+        check_outside_log(reader.folder, path)
         self.path = path
         self._projection = projection
         self._of = {
@@ -442,7 +442,7 @@ def _pinned(reader: LogReader, at_ns: int, limit: int | None) -> DoorMapState:
     """
     state = pinned_state(reader, at_ns) if limit is None else None
     if state is None:
-        raise reader.behind_horizon()
+        raise reader.horizon_error()
     return state
 
 
@@ -583,7 +583,7 @@ class Position:
         own = f"{reader.info.log_id}:"
         told = (
             one.event
-            for batch in reader.batches(_behind(self.event, None, bits_of_kinds([HistoryTrimmed])))
+            for batch in reader.batches(_beyond(self.event, None, kinds_mask([HistoryTrimmed])))
             for one in batch
         )
         return any(
@@ -614,7 +614,7 @@ class Position:
         )
 
 
-def retractions_behind(
+def retractions_after(
     reader: LogReader, event: int, limit: int | None = None
 ) -> tuple[Retraction, ...]:
     """Return the retractions with numbers after `event`, and up to `limit`.
@@ -624,7 +624,7 @@ def retractions_behind(
     """
     reader.check_known(limit)
     found = Retractions()
-    for batch in reader.batches(_behind(event, limit, bits_of_kinds([Retracted]))):
+    for batch in reader.batches(_beyond(event, limit, kinds_mask([Retracted]))):
         found.apply(batch)
     pairs = zip(found.numbers, found.ranges, strict=True)
     return tuple(Retraction(number, *hidden) for number, hidden in pairs)
@@ -639,7 +639,7 @@ def hiding(retractions: Iterable[Retraction]) -> Retractions:
     return hidden
 
 
-def events_behind(
+def events_after(
     reader: LogReader,
     event: int,
     limit: int | None = None,
@@ -667,10 +667,10 @@ def events_behind(
         reader.check_horizon(window)
         yield from events_at_horizon(reader, window, None)
         event = reader.horizon - 1
-    yield from reader.batches(_behind(event, limit), progress=progress)
+    yield from reader.batches(_beyond(event, limit), progress=progress)
 
 
-def _behind(event: int, limit: int | None, kinds: int = EVENT_BITS) -> Window:
+def _beyond(event: int, limit: int | None, kinds: int = EVENT_BITS) -> Window:
     return Window(
         first_event=event + 1, before_event=None if limit is None else limit + 1, kinds=kinds
     )

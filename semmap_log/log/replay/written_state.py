@@ -11,13 +11,13 @@ from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.model.events import Retracted
 from semmap_log.log.replay import keyframes
 from semmap_log.log.replay.state import state_at
-from semmap_log.store.chunks import BuiltChunk
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     CHUNK_BYTES,
     KEYFRAME_EVERY_BYTES,
     KEYFRAME_RARITY,
 )
+from semmap_log.store.chunks import BuiltChunk
+from semmap_log.store.folder import LogFolder
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.record_scan import ScannedRecords

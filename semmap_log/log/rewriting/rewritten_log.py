@@ -21,7 +21,7 @@ from semmap_log.store.writing.writer import Environment
 from semmap_log.store.writing.writer_opening import create_log
 
 
-class LogAnew:
+class RewrittenLog:
     """A log that is filled from its beginning, in the order in which all of it was recorded."""
 
     def __init__(

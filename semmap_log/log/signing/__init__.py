@@ -13,6 +13,6 @@ signature_folder  where both lie, LOG/signatures; time stamps and revocations
 timestamp_token   a time stamp of RFC 3161: its query, and what it says
 signer_state      what a key has signed last, KEY.state; signs statement after statement
 log_signing       signs a log at rest; private keys, read or made
-sign_beside       signs a log while it is written
+background_signer       signs a log while it is written
 signed_log        verifies a log against its signatures; whom to believe
 """

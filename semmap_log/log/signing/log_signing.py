@@ -12,12 +12,12 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from semmap_log.core.io.disk import NO_LINK, PLAIN, refuse_own_folder, sync_folder, write_all
-from semmap_log.core.io.made_logs import refuse_made
+from semmap_log.core.io.disk import NO_LINK, PLAIN, check_outside_log, sync_folder, write_all
 from semmap_log.core.io.progress import Progress
+from semmap_log.core.io.virtual_logs import check_not_virtual
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import NotALogError, OutputError, PassphraseError, SigningError
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.signature_folder import (
     Revocation,
@@ -86,7 +86,7 @@ def sign(
         OutputError: The disk does not take the signatures.
         LogError: It cannot be read, or is no log.
     """
-    refuse_made(log)
+    check_not_virtual(log)
     with SignerState.held(key) as state:
         found = read_for_signing(log, state, progress)
         signing = LogSigning(log, found, Signer(log, found.log_id, key, state))
@@ -102,7 +102,7 @@ def check_before_trimming(log: Path, key: SigningKey, progress: Progress | None 
             a statement that vouches for it.
         LogError: It cannot be read, or is no log.
     """
-    refuse_made(log)
+    check_not_virtual(log)
     with SignerState.held(key) as state:
         found = read_for_signing(log, state, progress)
         signing = LogSigning(log, found, Signer(log, found.log_id, key, state))
@@ -133,7 +133,7 @@ def revoke(log: Path, owner: SigningKey, revoked: PublicKey, *, first: int) -> P
         OutputError: The disk does not take it.
         LogError: It is no log.
     """
-    refuse_made(log)
+    check_not_virtual(log)
     if owner.public_bytes == revoked.public_bytes:
         raise SigningError(f"{log}: expected an owner's key to revoke {revoked}, got that one.")
     log_id = LogReader(log).info.log_id
@@ -356,7 +356,7 @@ def read_key(path: Path, *, log: Path, passphrase: Passphrase = lambda: None) ->
             such key.
         MissingExtraError: A package is not installed.
     """
-    _refuse_inside(log, path)
+    _check_outside(log, path)
     data = _private_bytes(path)
     try:
         try:
@@ -378,7 +378,7 @@ def make_key(path: Path, *, log: Path, comment: str = "") -> SigningKey:
         SigningError: It would lie in the log's folder; one of the two files is there already, or
             cannot be written.
     """
-    _refuse_inside(log, path)
+    _check_outside(log, path)
     public = path.with_name(f"{path.name}.pub")
     for each in (path, public):
         if os.path.lexists(each):
@@ -397,10 +397,10 @@ def make_key(path: Path, *, log: Path, comment: str = "") -> SigningKey:
     return key
 
 
-def _refuse_inside(log: Path, path: Path) -> None:
+def _check_outside(log: Path, path: Path) -> None:
     """Keep keys out of a log's folder, which is copied and shipped."""
     try:
-        refuse_own_folder(log, path)
+        check_outside_log(log, path)
     except OutputError as error:
         raise SigningError(f"{error}") from None
 

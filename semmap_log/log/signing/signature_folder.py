@@ -58,7 +58,7 @@ from semmap_log.log.signing.statement import (
     OldStatement,
     SshSignature,
     Statement,
-    key_in_words,
+    key_from_text,
     read_signature,
     read_statement,
     short_id,
@@ -310,7 +310,7 @@ def name_of(statement: Statement, key: SigningKey, namespace: str) -> str:
 
 def name_of_revocation(said: Revocation) -> str:
     """Return what the file of a revocation is called."""
-    return f"{short_id(key_in_words(said.key))}_{said.first}{SUFFIXES[REVOKING]}"
+    return f"{short_id(key_from_text(said.key))}_{said.first}{SUFFIXES[REVOKING]}"
 
 
 def write_signed(log: Path, name: str, text: str, key: SigningKey, namespace: str) -> Path:
@@ -436,5 +436,5 @@ def read_revocation(data: bytes) -> Revocation:
     if found is None:
         raise ValueError("no revocation of version 1 of a key, as it is written")
     log_id, key, first, last = found.groups()
-    key_in_words(key)
+    key_from_text(key)
     return Revocation(log_id, key, int(first), last)

@@ -15,7 +15,7 @@ from pathlib import Path, PurePath
 
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.texts import command_line, counted
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.signing.signature_folder import (
     FOLDER,
     BadSignature,
@@ -35,7 +35,7 @@ from semmap_log.log.signing.statement import (
     PublicKey,
     Statement,
     fingerprint,
-    key_in_words,
+    key_from_text,
 )
 from semmap_log.store.verification.findings import Finding, Severity, Verification
 
@@ -461,7 +461,7 @@ class Trust:
         if why is not None:
             self._wrong.append(why)
             return
-        key = key_in_words(said.key)
+        key = key_from_text(said.key)
         last = None if said.revokes_all else self._statement_of(key, said.last)
         if last is None and not said.revokes_all:
             text = "the last statement that counts, of the key that it revokes, is missing"
@@ -514,7 +514,7 @@ class Trust:
                 key = self.keys[one.public_bytes]
                 self._retired[one.public_bytes] = said.number
                 with suppress(ValueError):
-                    successor = key_in_words(said.next_key)
+                    successor = key_from_text(said.next_key)
                     is_new |= successor not in self.keys
                     owner = f"the successor of {key.owner or key.fingerprint}"
                     self.keys.setdefault(successor, PublicKey(successor, owner, key.namespaces))

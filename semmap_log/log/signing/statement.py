@@ -37,7 +37,7 @@ from pathlib import Path
 from semmap_log.core.model.moments import format_utc
 from semmap_log.errors import SigningError
 from semmap_log.log.signing.ed25519_sdk import SigningKey, is_signed_by
-from semmap_log.store.form import NO_HASH
+from semmap_log.store.byte_layout import NO_HASH
 from semmap_log.store.verification.findings import CommitEnd
 
 KEY_TYPE = "ssh-ed25519"
@@ -382,7 +382,7 @@ class PublicKey:
         return f"{self.owner} ({self.fingerprint})" if self.owner else self.fingerprint
 
 
-def key_in_words(text: str) -> bytes:
+def key_from_text(text: str) -> bytes:
     """Return the 32 bytes of a key that is written `ssh-ed25519 BASE64`.
 
     Raises:

@@ -19,9 +19,9 @@ from semmap_log.errors import LogError
 from semmap_log.log.replay import keyframes
 from semmap_log.log.replay.state import pins, unpacked, with_state
 from semmap_log.store import records as mcap
-from semmap_log.store.form import NOTE_CHANNEL
+from semmap_log.store.byte_layout import NOTE_CHANNEL
 from semmap_log.store.header import TrimReason
-from semmap_log.store.pages import KEYFRAME_BIT, NOTE_BIT, Page, bits_of_kinds
+from semmap_log.store.pages import KEYFRAME_BIT, NOTE_BIT, Page, kinds_mask
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
@@ -77,7 +77,7 @@ class Notes:
 class Tracks:
     """Where the robot was."""
 
-    bits = bits_of_kinds([RobotPose])
+    bits = kinds_mask([RobotPose])
 
     @property
     def words(self) -> str:
@@ -97,7 +97,7 @@ class Annotation:
     door_id: int
     key: str
 
-    bits = bits_of_kinds([DoorAnnotated, MomentPinned]) | KEYFRAME_BIT
+    bits = kinds_mask([DoorAnnotated, MomentPinned]) | KEYFRAME_BIT
 
     @property
     def words(self) -> str:
@@ -139,14 +139,14 @@ class Redaction:
             LogError: What makes an object what it is: without that, it would be a door.
         """
         kept = [p for p in parts if isinstance(p, Annotation) and p.key in (CLASS, OUTLINE)]
-        defining = Window(kinds=bits_of_kinds([ClassDefined]))
+        defining = Window(kinds=kinds_mask([ClassDefined]))
         if kept and any(len(batch) for batch in reader.batches(defining)):
             raise LogError(
                 f"{reader.folder}: {kept[0].words} say what it is and where, and stay; without "
                 "them it would be taken for a door."
             )
         meant = {(p.door_id, p.key) for p in parts if isinstance(p, Annotation)}
-        window = Window(first_event=before, kinds=bits_of_kinds([DoorAnnotated]))
+        window = Window(first_event=before, kinds=kinds_mask([DoorAnnotated]))
         later = [
             (one.number, replace(one.event, happened_ns=min(one.happened_ns, one.recorded_ns)))
             for batch in (reader.batches(window) if meant else ())
@@ -160,7 +160,7 @@ class Redaction:
         """What goes, for the log's own history."""
         return ", ".join(part.words for part in self.parts)
 
-    def told_before(self) -> list[Event]:
+    def recorded_before(self) -> list[Event]:
         """Return the pins without the texts that go."""
         return [self._redacted(pin) for pin in self.pins] if self._annotations else []
 

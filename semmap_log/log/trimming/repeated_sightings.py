@@ -33,7 +33,7 @@ from semmap_log.core.model.events import (
 from semmap_log.core.model.moments import format_second
 from semmap_log.log.replay import keyframes
 from semmap_log.store.header import TrimReason
-from semmap_log.store.pages import Page, bits_of_counts, bits_of_kinds
+from semmap_log.store.pages import Page, bits_of_counts, kinds_mask
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import end_of
 from semmap_log.store.reading.segment_scan import Segment
@@ -41,7 +41,7 @@ from semmap_log.store.reading.window import Window
 
 EVENTS_AT_ONCE = 100_000
 """About so many are looked at together; all of one hour always are."""
-_GOING = bits_of_kinds([DoorObserved, RobotPose])
+_GOING = kinds_mask([DoorObserved, RobotPose])
 
 
 class Thinning:
@@ -73,7 +73,7 @@ class Thinning:
         until = format_second(self._until_ns)
         return f"repeated sightings and poses that were recorded before {until}"
 
-    def told_before(self) -> Iterator[Event | EventBatch]:
+    def recorded_before(self) -> Iterator[Event | EventBatch]:
         """Yield what the sightings that go were worth: what is believed of doors rests on it.
 
         Reports of a thinning that was stopped before the sightings went are retracted.
@@ -81,7 +81,7 @@ class Thinning:
         for segment in self._reader.segments:
             if self._concerns(segment):
                 yield from (_worth(some) for some in self._look_at(segment) if len(some))
-        for number in self._told_again():
+        for number in self._stopped_reports():
             yield Retracted(first_event=number, last_event=number)
 
     def select(self, segment: Segment) -> Thinning | None:
@@ -129,10 +129,10 @@ class Thinning:
         bits: NDArray[np.bool_] = (self._goes[old // 8] >> (old % 8).astype(np.uint8)) % 2 > 0
         return bits & is_old
 
-    def _told_again(self) -> Iterator[int]:
+    def _stopped_reports(self) -> Iterator[int]:
         """Yield the numbers of events that report sightings which still exist, and go now."""
         reader, hidden = self._reader, self._reader.retractions()
-        kept = Window(kinds=bits_of_kinds([SightingsThinned]), first_event=reader.horizon or None)
+        kept = Window(kinds=kinds_mask([SightingsThinned]), first_event=reader.horizon or None)
         for batch in reader.batches(kept):
             told = hidden.visible(batch)
             if len(told):
@@ -172,7 +172,7 @@ def repeats_in(reader: LogReader, segment: Segment) -> Iterator[NDArray[np.void]
         happened_from_ns=least,
         happened_before_ns=greatest + 1,
         first_event=reader.horizon or None,
-        kinds=bits_of_kinds(STATE_KINDS),
+        kinds=kinds_mask(STATE_KINDS),
     )
     cuts, touched = _first_look(reader, span)
     for first_ns, before_ns in pairwise([least, *cuts, greatest + 1]):

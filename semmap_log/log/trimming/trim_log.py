@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.io.byte_source import ByteSource
-from semmap_log.core.io.made_logs import refuse_made
 from semmap_log.core.io.progress import Progress
+from semmap_log.core.io.virtual_logs import check_not_virtual
 from semmap_log.core.model.commits import Note
 from semmap_log.core.model.events import Event, HistoryTrimmed, MomentPinned
 from semmap_log.core.model.moments import format_second
@@ -30,24 +30,24 @@ from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogError
 from semmap_log.log.door_log.opening import WritingOptions, append
 from semmap_log.log.replay import keyframes
-from semmap_log.log.replay.care import ReplayKeyframeCheck
+from semmap_log.log.replay.maintenance import ReplayKeyframeCheck
 from semmap_log.log.replay.read_model.indexing import remove_stale_tables
 from semmap_log.log.replay.state import (
     keyframe_at,
     pinned_state,
     pins,
-    retractions_behind,
+    retractions_after,
     state_at,
     with_state,
 )
-from semmap_log.store.form import kinds_of
+from semmap_log.store.byte_layout import kinds_of
 from semmap_log.store.header import TrimReason
-from semmap_log.store.pages import EXPIRING, KEYFRAME_BIT, Page, bits_of_kinds
+from semmap_log.store.pages import EXPIRING, KEYFRAME_BIT, Page, kinds_mask
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import commit_of, end_of
 from semmap_log.store.reading.segment_scan import Segment, numbers_of
 from semmap_log.store.reading.window import Window
-from semmap_log.store.trimming.records_left import Selection
+from semmap_log.store.trimming.remaining_records import Selection
 from semmap_log.store.trimming.trimming import (
     Trimming,
     count_selected,
@@ -75,7 +75,7 @@ class TrimRule(Protocol):
         """Events below this number, and their notes, may go."""
         ...
 
-    def told_before(self) -> Iterable[Event | EventBatch]:
+    def recorded_before(self) -> Iterable[Event | EventBatch]:
         """Return what must be in the log before anything goes."""
         ...
 
@@ -100,9 +100,9 @@ def plan_trimming(log: Path, rule: TrimRule, progress: Progress | None = None) -
         CorruptLogError: A segment is damaged.
         LogError: Some of what is to be redacted lies in a store only.
     """
-    refuse_made(log)
+    check_not_virtual(log)
     reader = LogReader(log)
-    _refuse_elsewhere(reader, rule)
+    _check_on_disk(reader, rule)
     return TrimmedLog(count_selected(reader, rule.select, progress), None)
 
 
@@ -133,16 +133,17 @@ def trim_log(
             it is, and so do those after it.
         LogError: Some of what is to be redacted lies in a store only.
     """
-    refuse_made(log)
+    check_not_virtual(log)
     reader = LogReader(log)
-    _refuse_elsewhere(reader, rule)
+    _check_on_disk(reader, rule)
     if not takes_anything(reader, rule.select) and not _is_begun(reader):
         return TrimmedLog(Trimming(), None)
     with append(log, **(writing or {})) as opened:
         reader = LogReader(log)
         begun = _told(rule, reader)
         opened.append(
-            chain(rule.told_before(), [replace(begun, tombstones=of_log(reader, ""))]), note=note
+            chain(rule.recorded_before(), [replace(begun, tombstones=of_log(reader, ""))]),
+            note=note,
         )
     try:
         done = trim_segments(log, rule.select, check_copy, progress)
@@ -159,7 +160,7 @@ def _end(log: Path, rule: TrimRule, note: Note, writing: WritingOptions | None) 
         return opened.append([_told(rule, LogReader(log))], note=note).commit.last_event
 
 
-def _refuse_elsewhere(reader: LogReader, rule: TrimRule) -> None:
+def _check_on_disk(reader: LogReader, rule: TrimRule) -> None:
     """Refuse a redaction of segments whose files were removed from the disk once they were shipped.
 
     What only grew old may stay there.
@@ -181,7 +182,7 @@ def _refuse_elsewhere(reader: LogReader, rule: TrimRule) -> None:
 
 def _is_begun(reader: LogReader) -> bool:
     """Return whether a trimming was stopped before the log could record its end."""
-    window = Window(kinds=bits_of_kinds([HistoryTrimmed]))
+    window = Window(kinds=kinds_mask([HistoryTrimmed]))
     told = [one.event.tombstones for batch in reader.batches(window) for one in batch
             if isinstance(one.event, HistoryTrimmed)]  # fmt: skip
     mine = [one for one in told if one.startswith(of_log(reader, ""))]
@@ -229,7 +230,7 @@ class Retention:
         also = "" if held is None else f" and before what event {held} takes back"
         return f"what was recorded before {until}, up to the last keyframe before that{also}"
 
-    def told_before(self) -> list[Event]:
+    def recorded_before(self) -> list[Event]:
         """Return the pins whose moments need what goes, with their states."""
         if self.horizon <= self._reader.horizon:
             return []
@@ -312,7 +313,7 @@ def _keyframes_before(reader: LogReader, until_ns: int) -> Iterator[tuple[int, i
 
 def _first_reaching_before(reader: LogReader, event: int) -> int | None:
     """Return the first retraction from an event on that takes back something before it."""
-    later = retractions_behind(reader, event - 1)
+    later = retractions_after(reader, event - 1)
     return next((one.number for one in later if one.first_event < event), None)
 
 

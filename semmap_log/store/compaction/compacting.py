@@ -7,10 +7,11 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 
-from semmap_log.core.io.made_logs import refuse_made
 from semmap_log.core.io.progress import Progress
+from semmap_log.core.io.virtual_logs import check_not_virtual
 from semmap_log.errors import CorruptLogError, LogAccessError, SemmapError
 from semmap_log.store.bag_metadata import write_bag_metadata
+from semmap_log.store.byte_layout import count_events
 from semmap_log.store.compaction.merge import (
     MergedFiles,
     Pause,
@@ -21,7 +22,6 @@ from semmap_log.store.compaction.merge import (
     rechunked,
 )
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import count_events
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_folder import check_is_log
@@ -74,12 +74,12 @@ def compact(
         LogAccessError: The file system refuses; what was done until then stays done.
         CorruptLogError: A segment is damaged; it and those after it stay as they are.
     """
-    refuse_made(path)
+    check_not_virtual(path)
     check_is_log(LogFolder(path))
     folder = LogFolder.held(path)
     lock = WriterLock(folder)
     try:
-        folder.remove_leftovers()
+        folder.remove_stale_files()
         _remove_merged(folder, keep_s)
         done = _compact(folder, merge=merge, progress=progress)
         left = _remove_merged(folder, keep_s)
@@ -95,7 +95,7 @@ def compact(
 
 def plan_compaction(path: Path, *, merge: bool = True) -> Compacted:
     """Return what `compact` would do; needs no lock and no write access."""
-    refuse_made(path)
+    check_not_virtual(path)
     closed = _closed(LogFolder(path))
     steps = plan(closed, merge=merge)
     merged_away = sum(len(step.sources) - 1 for step in steps)
@@ -204,7 +204,7 @@ def compact_segment(
     path = folder / name
     segment = open_segment(path, folder=folder)
     if not segment.closed:
-        raise CorruptLogError(path, segment.whole_end, "not closed, so it cannot be compacted")
+        raise CorruptLogError(path, segment.valid_end, "not closed, so it cannot be compacted")
     if not needs_compaction(segment):
         return False
     with rechunked(folder, [segment], pause) as copy:

@@ -31,19 +31,19 @@ from numpy.typing import NDArray
 
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
-from semmap_log.store.chunks import BuiltChunk, build_chunk
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     CHUNK_BYTES,
     KEYFRAME_CHANNEL,
     KEYFRAME_EVERY_BYTES,
     ROLL_BYTES,
     SEQUENCE_RANGE,
 )
+from semmap_log.store.chunks import BuiltChunk, build_chunk
+from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import with_all_of
 from semmap_log.store.pages import KEYFRAME_BIT, Page
 from semmap_log.store.reading.chunk_table import ChunkTable
-from semmap_log.store.reading.invariants import ReadPosition, place_behind
+from semmap_log.store.reading.invariants import ReadPosition, place_after
 from semmap_log.store.reading.page_reading import read_page
 from semmap_log.store.reading.segment_reading import last_commit, page_at, pages_of, statistics_of
 from semmap_log.store.reading.segment_scan import Segment, open_segment
@@ -372,7 +372,7 @@ def _write(writer: SegmentWriter, sources: Sequence[Segment], pause: Pause) -> b
     place = ReadPosition(header.first_event, header.first_event, header.hash_so_far)
     whole = hashlib.sha256()
     for page in pages(sources, pause):
-        place = place_behind(page, place)
+        place = place_after(page, place)
         pause(0)  # after each step that keeps the interpreter
         chunk = _smallest(page)
         pause(0)

@@ -163,15 +163,15 @@ def is_same_file(one: Segment, other: Segment) -> bool:
     The closing section contains the CRC of all bytes before it and the place of each chunk. A live
     segment is the same if it ends with the same commit at the same byte: it only grows.
     """
-    if (one.header, one.closed, one.whole_end) != (other.header, other.closed, other.whole_end):
+    if (one.header, one.closed, one.valid_end) != (other.header, other.closed, other.valid_end):
         return False
     if not one.closed:
         return one.head == other.head and end_of(one) == end_of(other)
     return one.size == other.size and all(
         ours == theirs
         for ours, theirs in zip(
-            blocks(one.source, one.whole_end, one.size),
-            blocks(other.source, other.whole_end, other.size),
+            blocks(one.source, one.valid_end, one.size),
+            blocks(other.source, other.valid_end, other.size),
             strict=True,
         )
     )
@@ -211,7 +211,7 @@ class StagedFile:
     @property
     def size(self) -> int:
         """Bytes that are copied: of a live segment all up to its last whole commit."""
-        return self.segment.size if self.segment.closed else self.segment.whole_end
+        return self.segment.size if self.segment.closed else self.segment.valid_end
 
     @property
     def temporary(self) -> str:
@@ -241,7 +241,7 @@ class StagedFile:
             there = map_file(self.folder / self.temporary, self.folder)
         except (OSError, LogError):
             return False
-        ends = (self.segment.whole_end, self.size) if self.segment.closed else (0, self.size)
+        ends = (self.segment.valid_end, self.size) if self.segment.closed else (0, self.size)
         return all(
             ours == theirs
             for ours, theirs in zip(

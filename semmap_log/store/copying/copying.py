@@ -20,9 +20,9 @@ from itertools import pairwise
 from pathlib import Path
 
 from semmap_log.core.io.disk import sync_folder
-from semmap_log.core.io.made_logs import refuse_made
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import UrlPath, place_of
+from semmap_log.core.io.virtual_logs import check_not_virtual
 from semmap_log.core.texts import command_line
 from semmap_log.errors import (
     CorruptLogError,
@@ -33,6 +33,15 @@ from semmap_log.errors import (
     SemmapError,
 )
 from semmap_log.store.bag_metadata import write_bag_metadata
+from semmap_log.store.byte_layout import (
+    BAG_METADATA_NAME,
+    KEPT_SUFFIX,
+    LOCK_NAME,
+    REMOVED_NAME,
+    is_mark_name,
+    is_temporary,
+    mark_names,
+)
 from semmap_log.store.closed_mark import ClosedMark, read_mark, read_named_mark, write_mark
 from semmap_log.store.copying.copy_plan import (
     CopyPlan,
@@ -43,15 +52,6 @@ from semmap_log.store.copying.copy_plan import (
     problem_in_place,
 )
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import (
-    BAG_METADATA_NAME,
-    KEPT_SUFFIX,
-    LOCK_NAME,
-    REMOVED_NAME,
-    is_mark_name,
-    is_temporary,
-    mark_names,
-)
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_folder import check_is_log
@@ -141,7 +141,7 @@ class _Copying:
         if full:
             self._recheck(plan, new_check)
         staged = [StagedFile(self.copy, *one) for one in plan.missing]
-        self._remove_leftovers({one.temporary for one in staged})
+        self._remove_stale_files({one.temporary for one in staged})
         told = _told(progress, 2 * sum(one.size for one in staged))
         for one in staged:
             one.make(new_check, told)
@@ -166,7 +166,7 @@ class _Copying:
                 plan.missing.append((segment, there.path.name))
         plan.missing.sort(key=lambda one: one[0].header.number)
 
-    def _remove_leftovers(self, staged: set[str]) -> None:
+    def _remove_stale_files(self, staged: set[str]) -> None:
         """Remove what others have left unfinished, but what an earlier copying has written."""
         for name in _names(self.copy):
             if is_temporary(name) and name not in staged:
@@ -183,7 +183,7 @@ class _Copying:
             if not self.copy.has(one.kept_name) or data != self.copy.read_bytes(
                 one.kept_name, len(data) + 1
             ):
-                self.copy.write_whole(one.kept_name, [data])
+                self.copy.write_atomic(one.kept_name, [data])
         for outdated in plan.outdated:  # else it would stand before segments of the list
             self._go_back_before(outdated)
         write_removed_part(self.copy, self.removed)
@@ -240,7 +240,7 @@ def _check_places(log: Path, target: Path) -> None:
     if isinstance(place, UrlPath):
         line = command_line("fetch", place, target)
         raise LogError(f"{log}: to bring a shipped log to a disk: {line}")
-    refuse_made(log)
+    check_not_virtual(log)
     if log.is_dir() and log.resolve() in (target.resolve(), *target.resolve().parents):
         raise OutputError(f"{target}: lies in the log's own folder; choose another place.")
 

@@ -20,8 +20,8 @@ from semmap_log.core.io.byte_source import ByteSource, blocks
 from semmap_log.core.io.checksum import crc32
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
+from semmap_log.store.byte_layout import INDEX_METADATA, kinds_of
 from semmap_log.store.chunks import NO_SPAN
-from semmap_log.store.form import INDEX_METADATA, kinds_of
 from semmap_log.store.header import next_events_in_index, read_index
 from semmap_log.store.opening_records import Metadata, MetadataIndex, Statistics
 from semmap_log.store.pages import Page

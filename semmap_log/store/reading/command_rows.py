@@ -10,8 +10,8 @@ from mcap.records import Attachment, AttachmentIndex
 from numpy.typing import NDArray
 
 from semmap_log.store import records as mcap
+from semmap_log.store.byte_layout import COMMAND_ATTACHMENT, COMMIT_CHANNEL
 from semmap_log.store.command_index import command_rows
-from semmap_log.store.form import COMMAND_ATTACHMENT, COMMIT_CHANNEL
 from semmap_log.store.reading.closed_summary import ClosedSummary
 from semmap_log.store.reading.segment_reading import pages_of
 from semmap_log.store.reading.segment_scan import Segment

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from semmap_log.core.model.commits import Durability
 from semmap_log.errors import CorruptLogError
-from semmap_log.store.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL, NOTE_CHANNEL, kinds_of
+from semmap_log.store.byte_layout import COMMIT_CHANNEL, KEYFRAME_CHANNEL, NOTE_CHANNEL, kinds_of
 from semmap_log.store.pages import Page
 from semmap_log.store.record_scan import (
     ScannedChunks,
@@ -74,7 +74,7 @@ class Violation:
     problem: str
 
 
-def place_behind(page: Page, start: ReadPosition) -> ReadPosition:
+def place_after(page: Page, start: ReadPosition) -> ReadPosition:
     """Return the reading position after a page that follows a position.
 
     Raises:

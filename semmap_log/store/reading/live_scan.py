@@ -26,8 +26,13 @@ from numpy.typing import NDArray
 from semmap_log.core.batches.event_batch import distinct
 from semmap_log.core.io.byte_source import ByteSource
 from semmap_log.store import records as mcap
+from semmap_log.store.byte_layout import (
+    CHUNK_BYTES,
+    FLOOR_MAP_CHANNEL,
+    INDEX_METADATA,
+    floor_map_topic,
+)
 from semmap_log.store.chunks import StoredChunk, read_chunk_head
-from semmap_log.store.form import CHUNK_BYTES, FLOOR_MAP_CHANNEL, INDEX_METADATA, floor_map_topic
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.chunk_table import ROW, ChunkTable
@@ -61,7 +66,7 @@ class LiveScan:
     """How many chunks there are up to the end of the last whole commit, or keyframe."""
     whole_at: int
     """As `at`, after these."""
-    whole_place: ReadPosition
+    valid_place: ReadPosition
     """As `place`, after these."""
     problem: str = ""
     """Why the bytes after them do not count; empty if nothing of value is there."""
@@ -86,14 +91,14 @@ def scan_live(path: PurePath, header: SegmentHeader, source: ByteSource, start: 
     Raises:
         UnreadableLogError: Some of it cannot be read.
     """
-    at = _behind_head(source, start)
+    at = _after_head(source, start)
     place = ReadPosition(header.first_event, header.first_event, header.hash_so_far)
     nothing = ChunkTable(path, source, np.empty(0, ROW))
     none = np.empty(0, SPAN)
-    return go_on(LiveScan(nothing, at, place, none, 0, at, place), header, source)
+    return proceed(LiveScan(nothing, at, place, none, 0, at, place), header, source)
 
 
-def go_on(earlier: LiveScan, header: SegmentHeader, source: ByteSource) -> LiveScan:
+def proceed(earlier: LiveScan, header: SegmentHeader, source: ByteSource) -> LiveScan:
     """Read what was added to a segment since an earlier scan: what did fit, still fits.
 
     Args:
@@ -110,7 +115,7 @@ def go_on(earlier: LiveScan, header: SegmentHeader, source: ByteSource) -> LiveS
     return _judged(scan, source)
 
 
-def _behind_head(source: ByteSource, start: int) -> int:
+def _after_head(source: ByteSource, start: int) -> int:
     """Return where the Schemas and Channels end that begin there."""
     return start + sum(len(record) for _, record in head_records(source, start))
 
@@ -170,7 +175,7 @@ def _with_part(scan: LiveScan, part: ChunkRun, header: SegmentHeader) -> LiveSca
         scan_with,
         whole=len(scan.table) + last + 1,
         whole_at=part.ends[last],
-        whole_place=places[last],
+        valid_place=places[last],
     )
 
 
@@ -189,7 +194,7 @@ def _too_much(scan: LiveScan, part: ChunkRun) -> str:
 
 def _judged(scan: LiveScan, source: ByteSource) -> LiveScan:
     """Return the scan with what comes after the chunks that fit: harmless, torn, or damage."""
-    behind = _Behind.of(source, scan.at, scan.place.committed)
+    behind = _LaterChunks.of(source, scan.at, scan.place.committed)
     if not scan.problem and behind.chunks:
         scan = replace(scan, problem="a closing section followed by chunks")
     if not scan.problem and not scan.place.is_whole:
@@ -200,7 +205,7 @@ def _judged(scan: LiveScan, source: ByteSource) -> LiveScan:
         return scan
     lost = (
         behind.durable_before > scan.place.committed
-        or scan.place.committed > scan.whole_place.committed  # only a whole copy has such chunks
+        or scan.place.committed > scan.valid_place.committed  # only a whole copy has such chunks
         or not scan.whole  # the head and its keyframe were on the disk before the file had its name
     )
     if not lost:
@@ -209,7 +214,7 @@ def _judged(scan: LiveScan, source: ByteSource) -> LiveScan:
 
 
 @dataclass(frozen=True, slots=True)
-class _Behind:
+class _LaterChunks:
     """What whole chunks after a bad place show."""
 
     expected: int
@@ -221,7 +226,7 @@ class _Behind:
     """Events below this number were on the disk, according to the commits after it."""
 
     @classmethod
-    def of(cls, source: ByteSource, start: int, expected: int) -> _Behind:
+    def of(cls, source: ByteSource, start: int, expected: int) -> _LaterChunks:
         """Search everything after an offset."""
         chunks, first_event, durable_before = 0, None, 0
         for _, records, offsets in whole_chunks(source.read, start, source.size):
@@ -283,13 +288,13 @@ def read_part(source: ByteSource, at: int) -> ChunkRun:
     window = _Window(source, at)
     while size < CHUNK_BYTES:
         try:
-            start = _behind_channels(window, at)
+            start = _after_channels(window, at)
             chunk = _chunk_at(window, start)
             if chunk is None:
                 break
             records = chunk.records(window.data, window.start)
             offsets, channels = _messages(window, chunk, records)
-        except _BehindWindow as behind:
+        except _PastWindow as behind:
             if not part.chunks:
                 window = _Window(source, at, behind.end)
                 continue
@@ -311,7 +316,7 @@ WINDOW_BYTES = 5 * CHUNK_BYTES // 4
 """So much is read for a part: a MiB of records with their message indexes."""
 
 
-class _BehindWindow(Exception):  # noqa: N818  # a turn of events: the caller reads more
+class _PastWindow(Exception):  # noqa: N818  # a turn of events: the caller reads more
     """A record extends past the bytes that were read."""
 
     def __init__(self, end: int) -> None:
@@ -333,10 +338,10 @@ class _Window:
         """Return bytes, by their offsets in the file; fewer where it ends.
 
         Raises:
-            _BehindWindow: They lie past the window's end, but not past the file's.
+            _PastWindow: They lie past the window's end, but not past the file's.
         """
         if min(end, self.size) > self.start + len(self.data):
-            raise _BehindWindow(end)
+            raise _PastWindow(end)
         return self.data[start - self.start : end - self.start]
 
 
@@ -345,7 +350,7 @@ def _chunk_at(window: _Window, at: int) -> StoredChunk | None:
 
     Raises:
         ChunkDamage: Something else is there, or a part of a chunk.
-        _BehindWindow: It is not all in the window.
+        _PastWindow: It is not all in the window.
     """
     if at >= window.size or _is_closing_section(window, at):
         return None
@@ -390,12 +395,12 @@ def _most_index_bytes(size: int) -> int:
 _INDEX_HEADS_BYTES = 2**10
 
 
-def _behind_channels(window: _Window, at: int) -> int:
+def _after_channels(window: _Window, at: int) -> int:
     """Return where the Channel records end that stand before a chunk with new floor maps.
 
     Raises:
         ChunkDamage: One is cut, or not of a floor map.
-        _BehindWindow: One is not all in the window.
+        _PastWindow: One is not all in the window.
     """
     while at < window.size:
         frame = window.get(at, at + mcap.FRAME.size)

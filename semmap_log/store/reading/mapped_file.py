@@ -279,10 +279,10 @@ def _copy(source: int, size: int, target: int) -> int:
             return 0
         if ctypes.get_errno() not in _REFUSED:
             raise _last_error()
-    return _asked_copy(source, size, target)
+    return _checked_copy(source, size, target)
 
 
-def _asked_copy(source: int, size: int, target: int) -> int:
+def _checked_copy(source: int, size: int, target: int) -> int:
     """Do the same without the call that copies: ask for the pages, then copy them."""
     while not _are_there(source, size):
         in_page = mmap.PAGESIZE - source % mmap.PAGESIZE

@@ -20,7 +20,7 @@ from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.events import KINDS
 from semmap_log.errors import NewerLogError, NewerLogWarning
-from semmap_log.store.form import FORMAT_VERSION, kinds_of
+from semmap_log.store.byte_layout import FORMAT_VERSION, kinds_of
 from semmap_log.store.newer import is_later_kind, name_of
 from semmap_log.store.pages import UNKNOWN_BIT, Page
 from semmap_log.store.reading.page_reading import read_page
@@ -74,10 +74,10 @@ class NewerEvents:
         """Return the warning for answers that leave them out."""
         return NewerLogWarning(
             f"{log}: left out, since a newer version of semmap-log has written them: "
-            f"{self.in_words()}; by its own mark they change nothing else."
+            f"{self.as_text()}; by its own mark they change nothing else."
         )
 
-    def in_words(self) -> str:
+    def as_text(self) -> str:
         """Return how many there are of each kind."""
         return ", ".join(f"{count} {kind}" for kind, count in self.counts.items())
 

@@ -27,7 +27,7 @@ from semmap_log.store.pages import (
     EXPIRING_BITS,
     KEYFRAME_BIT,
     Page,
-    bits_of_kinds,
+    kinds_mask,
 )
 from semmap_log.store.reading.newer_events import (
     NewerEvents,
@@ -286,7 +286,7 @@ class LogReader:
         """
         self._check_order()
         if self.horizon and known_at_ns < self.horizon_ns:
-            raise self.behind_horizon()
+            raise self.horizon_error()
         expired = self.horizon - 1  # all of that was known by then, whatever is left of it
         early = bisect_right(self.segments, known_at_ns, key=lambda s: s.recorded[0])
         for segment in reversed(self.segments[:early]):
@@ -349,7 +349,7 @@ class LogReader:
         """Return the error that there is no event of that number, and which is the last."""
         last = self.last_event()
         if 0 <= number < self.horizon:
-            return self.behind_horizon()
+            return self.horizon_error()
         if 0 <= number <= last:
             return LogError(f"{self.folder}: event {number} was taken out of the log on purpose.")
         there = "the log has none yet" if last < 0 else f"the last is event {last}"
@@ -412,14 +412,14 @@ class LogReader:
         Raises:
             HorizonError: It begins, or ends, before the horizon.
         """
-        if not self._reaches_behind(window):
+        if not self._reaches_before(window):
             return
         ends = (window.before_event or MAX_EVENT) < self.horizon or any(
             end is not None and end <= self.horizon_ns
             for end in (window.happened_before_ns, window.recorded_before_ns)
         )
         if not window.only_kept and (ends or window.has_beginning):
-            raise self.behind_horizon()
+            raise self.horizon_error()
         if not self._has_warned_of_horizon:
             self._has_warned_of_horizon = True
             warnings.warn(HorizonWarning(f"{self.folder}: {self._horizon_words()}."), stacklevel=3)
@@ -431,9 +431,9 @@ class LogReader:
             HorizonError: Something is.
         """
         if self.horizon and start <= self.horizon_place():
-            raise self.behind_horizon()
+            raise self.horizon_error()
 
-    def _reaches_behind(self, window: Window) -> bool:
+    def _reaches_before(self, window: Window) -> bool:
         return (
             (window.first_event or 0) < self.horizon
             and bool(window.kinds & EXPIRING_BITS)
@@ -441,7 +441,7 @@ class LogReader:
             and (window.happened_from_ns is None or window.happened_from_ns < self.horizon_ns)
         )
 
-    def behind_horizon(self) -> HorizonError:
+    def horizon_error(self) -> HorizonError:
         """Return the error that this moment is gone for its age; it names what can be queried."""
         return HorizonError(f"{self.folder}: {self._horizon_words()}; ask about a later moment.")
 
@@ -490,7 +490,7 @@ class LogReader:
             self.check_known(limit)
         if self._retractions is None:
             found = Retractions()
-            for batch in self.batches(Window(kinds=bits_of_kinds([Retracted]))):
+            for batch in self.batches(Window(kinds=kinds_mask([Retracted]))):
                 found.apply(batch)
             self._retractions = found  # once it is whole: others ask, and reading may be cut short
         return self._retractions if limit is None else self._retractions.up_to(limit)

@@ -25,6 +25,7 @@ from semmap_log.core.model.events import FloorMap, Retracted
 from semmap_log.core.texts import counted
 from semmap_log.errors import CorruptLogError, ElsewhereError, LogAccessError, NotALogError
 from semmap_log.store.bag_metadata import listed_names
+from semmap_log.store.byte_layout import mark_names
 from semmap_log.store.closed_mark import (
     MOST_BYTES,
     ClosedMark,
@@ -33,7 +34,6 @@ from semmap_log.store.closed_mark import (
     those_that_count,
 )
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import mark_names
 from semmap_log.store.manifest import (
     KeptManifest,
     ShippedSegment,
@@ -41,7 +41,7 @@ from semmap_log.store.manifest import (
     metadata_text,
     read_manifest,
 )
-from semmap_log.store.pages import bits_of_kinds
+from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.command_rows import rows_of
 from semmap_log.store.reading.segment_reading import batches_of
 from semmap_log.store.reading.segment_scan import Segment
@@ -125,7 +125,7 @@ def kept_bytes(segment: Segment, shipped: ShippedSegment) -> bytes:
     rows_of(copy)
     _ = copy.summary, copy.statistics, copy.spans, copy.newer
     for kind in (Retracted, FloorMap):
-        chunks = Window(kinds=bits_of_kinds([kind])).chunks(copy)
+        chunks = Window(kinds=kinds_mask([kind])).chunks(copy)
         if len(chunks):
             for _page, _batch in batches_of(copy, np.asarray(chunks)):
                 pass

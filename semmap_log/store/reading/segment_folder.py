@@ -14,19 +14,19 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from semmap_log.core.io.byte_source import ByteSource
-from semmap_log.core.io.made_logs import is_called_as_made
 from semmap_log.core.io.url_path import UrlPath, place_of
+from semmap_log.core.io.virtual_logs import has_virtual_suffix
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
-from semmap_log.store.closed_mark import ClosedMark, listed_marks, read_mark
-from semmap_log.store.folder import LogFolder, Version, not_a_folder
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     BAG_METADATA_NAME,
     MOST_LIST_BYTES,
     REMOVED_NAME,
     has_name_of_file,
     is_named_as_part,
 )
+from semmap_log.store.closed_mark import ClosedMark, listed_marks, read_mark
+from semmap_log.store.folder import LogFolder, Version, not_a_folder
 from semmap_log.store.reading.mapped_file import map_file
 from semmap_log.store.reading.segment_scan import Segment, read_head, segment_in
 from semmap_log.store.reading.segment_set import (
@@ -34,7 +34,7 @@ from semmap_log.store.reading.segment_set import (
     SegmentSet,
     SegmentStore,
     arrange,
-    check_goes_on,
+    check_continues,
     check_listed,
     check_reaches,
 )
@@ -111,7 +111,7 @@ class SegmentFolder:
             names = self.store.closed_names()
             check_listed(names, self.store.path / BAG_METADATA_NAME, found.segments)
         if self._earlier:
-            check_goes_on(found.segments, self._earlier)
+            check_continues(found.segments, self._earlier)
         self._reaches, self._earlier = seen, found.segments
         return found
 
@@ -363,7 +363,7 @@ def list_segments(folder: LogFolder) -> Listing:
 
 
 def _no_such_log(path: Path) -> str:
-    if is_called_as_made(path):
+    if has_virtual_suffix(path):
         line = command_line("join", path, "LOG", "LOG")
         return f"{path}: no such file. To join logs in it: {line}"
     if has_name_of_file(path):

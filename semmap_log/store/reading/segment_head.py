@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from semmap_log.core.model.commits import Commit
 from semmap_log.errors import CorruptLogError
-from semmap_log.store.form import INDEX_METADATA
+from semmap_log.store.byte_layout import INDEX_METADATA
 from semmap_log.store.header import SegmentHeader, head_in_index
 from semmap_log.store.pages import COMMIT_BIT
 from semmap_log.store.reading.chunk_table import ChunkTable

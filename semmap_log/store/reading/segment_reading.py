@@ -23,8 +23,8 @@ from semmap_log.core.model.commits import NO_TEXTS, Commit, NoteTexts
 from semmap_log.core.texts import counted
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
+from semmap_log.store.byte_layout import CHUNK_BYTES, NOTE_CHANNEL, count_events
 from semmap_log.store.chunks import StoredChunk
-from semmap_log.store.form import CHUNK_BYTES, NOTE_CHANNEL, count_events
 from semmap_log.store.pages import COMMIT_BIT, UNKNOWN_BIT, Page
 from semmap_log.store.reading.chunk_table import ChunkTable
 from semmap_log.store.reading.page_reading import read_page
@@ -230,10 +230,10 @@ def statistics_of(segment: Segment) -> ClosedSegment:
     Raises:
         CorruptLogError: Its summary is damaged.
     """
-    from semmap_log.store.bag_metadata import ClosedSegment, tells_of_newer
+    from semmap_log.store.bag_metadata import ClosedSegment, may_hold_newer
 
     said = segment.statistics
-    is_newer = tells_of_newer(segment.header, said.channel_message_counts)
+    is_newer = may_hold_newer(segment.header, said.channel_message_counts)
     header = segment.full_header if is_newer else segment.header
     return ClosedSegment.of(segment.path, said, header)
 
@@ -250,7 +250,7 @@ def end_of(segment: Segment) -> int:
         CorruptLogError: The summary of a closed segment is damaged.
     """
     if segment.live is not None:
-        return segment.live.whole_place.committed
+        return segment.live.valid_place.committed
     if segment.header.trimmed is not None:
         return segment.header.trimmed.next_event
     assert segment.counts is not None, "a closed segment counts its messages"
@@ -302,7 +302,7 @@ _SAID = len(CDR_HEADER) + 16
 """Where in a note's message the texts begin: before them is its salt, which differs in each."""
 
 
-class SaidFinder:
+class NoteFinder:
     """Finds the commits of one batch's events after another's, looking first where these lie."""
 
     def __init__(
@@ -333,7 +333,7 @@ class SaidFinder:
         """Take these commits instead."""
         self._at_hand = commits
 
-    def said_of(self, numbers: NDArray[np.int64]) -> Iterator[tuple[NoteTexts, bytes]]:
+    def note_texts_of(self, numbers: NDArray[np.int64]) -> Iterator[tuple[NoteTexts, bytes]]:
         """Yield who and why of each of these events, numbers ascending, and its command's id."""
         commits = self.commits_of(numbers)
         places = commits.places_of(numbers)
@@ -360,7 +360,7 @@ class NoteSources:
     """Answers for the events of one page; see `EventBatch.sources_of`."""
 
     def __init__(self, page: Page, find_commit: Callable[[int], Commit | None]) -> None:
-        """Take a page, and what `SaidFinder` takes."""
+        """Take a page, and what `NoteFinder` takes."""
         self._page = page
         self._find_commit = find_commit
 
@@ -376,13 +376,13 @@ class NoteSources:
         return np.array(of_texts, np.intp)[commits.notes_of(numbers)], list(names)
 
     @computed_once
-    def _finder(self) -> SaidFinder:
-        finder = SaidFinder(self._find_commit)
+    def _finder(self) -> NoteFinder:
+        finder = NoteFinder(self._find_commit)
         finder.take(commits_on(self._page))
         return finder
 
 
-class SaidByCommits:
+class NotesByCommit:
     """Who and why of all the commits of some consecutive pages, as columns."""
 
     def __init__(self) -> None:
@@ -482,11 +482,11 @@ def _notes_of(page: Page, places: NDArray[np.intp]) -> tuple[NDArray[np.intp], l
     """Return the notes of the commits whose Commits are at these places, each text once."""
     has_note = (places > 0) & (page.heads["channel_id"][places - 1] == NOTE_CHANNEL)
     codes = np.zeros(len(places), np.intp)
-    codes[has_note], texts = _told_by(page, places[has_note] - 1)
+    codes[has_note], texts = _note_texts(page, places[has_note] - 1)
     return codes, texts
 
 
-def _told_by(page: Page, notes: NDArray[np.intp]) -> tuple[NDArray[np.intp], list[NoteTexts]]:
+def _note_texts(page: Page, notes: NDArray[np.intp]) -> tuple[NDArray[np.intp], list[NoteTexts]]:
     """Return the texts of notes by their places among some; the first ones are empty.
 
     Notes that say the same are read once.

@@ -19,8 +19,8 @@ from semmap_log.core.lazily import computed_once
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogError, NewerLogError, NotALogError
 from semmap_log.store import records as mcap
+from semmap_log.store.byte_layout import LOG_METADATA, MANIFEST_NAME, PROFILE
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import LOG_METADATA, MANIFEST_NAME, PROFILE
 from semmap_log.store.header import OtherVersionError, SegmentHeader
 from semmap_log.store.newer import Newer
 from semmap_log.store.opening_records import Header, Metadata, Statistics
@@ -112,7 +112,7 @@ class Segment:
             self.source.read_ranges([(0, self.head_end), (self.size - 1, self.size)])
         found = read_summary(self.path, self.source)
         if self.told is not None:
-            self._check_told(self.told, found)
+            self._check_manifest(self.told, found)
         if len(found.tail) > SMALL_BYTES:
             _with_summary.add(self)
         return found
@@ -128,7 +128,7 @@ class Segment:
             CorruptLogError: What closed it, or that chunk, is damaged.
         """
         if self.live is not None:
-            return self.live.whole_place.hash
+            return self.live.valid_place.hash
         if self.told is not None:
             return self.told.head
         stored = stored_head(self.summary)
@@ -199,7 +199,7 @@ class Segment:
         if len(spans) != len(self.chunks):
             told = counted(len(spans), "chunk")
             problem = f"its index lists {told}; the file has {len(self.chunks)}"
-            raise CorruptLogError(self.path, self.whole_end, problem)
+            raise CorruptLogError(self.path, self.valid_end, problem)
         return spans
 
     @computed_once
@@ -220,7 +220,7 @@ class Segment:
         ends = next_events_of_summary(self.summary)
         if len(ends) != len(self.chunks) or len(self.spans) != len(ends):
             problem = f"its index does not list its {counted(len(self.chunks), 'chunk')}"
-            raise CorruptLogError(self.path, self.whole_end, problem)
+            raise CorruptLogError(self.path, self.valid_end, problem)
         return ends
 
     @computed_once
@@ -245,7 +245,7 @@ class Segment:
         return self.summary.fits_data()
 
     @property
-    def whole_end(self) -> int:
+    def valid_end(self) -> int:
         """Where the last whole commit (or keyframe) ends."""
         if self.live is not None:
             return min(self.live.whole_at, self.size)
@@ -253,15 +253,15 @@ class Segment:
 
     @property
     def problem(self) -> str:
-        """Why the bytes after `whole_end` do not count; empty if nothing of value is there."""
+        """Why the bytes after `valid_end` do not count; empty if nothing of value is there."""
         return self.live.problem if self.live is not None else ""
 
     @property
     def torn_bytes(self) -> int:
         """How many bytes follow the last whole commit of a live segment, and do not count."""
-        return self.size - self.whole_end if self.problem else 0
+        return self.size - self.valid_end if self.problem else 0
 
-    def _check_told(self, told: ShippedSegment, found: ClosedSummary) -> None:
+    def _check_manifest(self, told: ShippedSegment, found: ClosedSummary) -> None:
         """Compare what a manifest says with what the segment says itself.
 
         Raises:
@@ -339,14 +339,14 @@ def segment_in(path: PurePath, source: ByteSource, *, earlier: Segment | None = 
     header, head_end = read_head(path, source, ends[: min(_USUAL_HEADER_BYTES, source.size)])
     if is_footer(ends[-FOOTER_BYTES:]):
         return Segment(path, header, source, head_end, live=None)
-    from semmap_log.store.reading.live_scan import go_on, scan_live
+    from semmap_log.store.reading.live_scan import proceed, scan_live
 
     live = _known_scan(earlier, source, header)
     source.will_need(0 if live is None else min(live.at, source.size), source.size)
     if live is None:
         live = scan_live(path, header, source, head_end)
     else:
-        live = go_on(live, header, source)
+        live = proceed(live, header, source)
     if live.is_damage:
         raise CorruptLogError(path, min(live.at, source.size), live.problem)
     return Segment(path, header, source, head_end, live)

@@ -18,8 +18,8 @@ from semmap_log.core.io.byte_source import ByteSource
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CorruptLogError
+from semmap_log.store.byte_layout import number_in
 from semmap_log.store.closed_mark import ClosedMark
-from semmap_log.store.form import number_in
 from semmap_log.store.reading.segment_reading import commit_of, end_of, head_before, last_commit
 from semmap_log.store.reading.segment_scan import Segment
 
@@ -49,7 +49,7 @@ def arrange(folder: PurePath, found: Sequence[Segment]) -> SegmentSet:
     expected = 0
     for segment in sorted(found, key=lambda s: (s.header.number, -s.header.last_number)):
         if segment.header.number < expected:
-            _check_leftover(segment, segments)
+            _check_covered(segment, segments)
             leftovers.append(segment.path)
             continue
         if segment.header.number > expected:
@@ -137,10 +137,10 @@ def check_reaches(mark: ClosedMark, path: PurePath, segments: Sequence[Segment])
     else:
         return
     known = f"by {path.name}, the closed segments ended before event {mark.next_event}"
-    raise CorruptLogError(where, None, f"{problem}; {known}. {_to_go_on(path.parent)}")
+    raise CorruptLogError(where, None, f"{problem}; {known}. {_to_continue(path.parent)}")
 
 
-def _to_go_on(log: PurePath) -> str:
+def _to_continue(log: PurePath) -> str:
     return f"To continue with what is left: {command_line('recover', log)}"
 
 
@@ -155,17 +155,21 @@ def check_listed(names: Sequence[str], path: PurePath, segments: Sequence[Segmen
     Raises:
         CorruptLogError: One was cut, or is missing.
     """
-    last, to_go_on = segments[-1], _to_go_on(path.parent)
+    last, to_continue = segments[-1], _to_continue(path.parent)
     if not last.closed and last.path.name in names:
-        problem = f"{path.name} lists it as closed, but no footer ends it: it was cut. {to_go_on}"
-        raise CorruptLogError(last.path, last.whole_end, problem)
+        problem = (
+            f"{path.name} lists it as closed, but no footer ends it: it was cut. {to_continue}"
+        )
+        raise CorruptLogError(last.path, last.valid_end, problem)
     numbers = [number for name in names if (number := number_in(name)) is not None]
     if numbers and max(numbers) > last.header.last_number:
-        problem = f"segment {max(numbers)}, its last, is missing; {path.name} lists it. {to_go_on}"
+        problem = (
+            f"segment {max(numbers)}, its last, is missing; {path.name} lists it. {to_continue}"
+        )
         raise CorruptLogError(path.parent, None, problem)
 
 
-def check_goes_on(segments: Sequence[Segment], earlier: Sequence[Segment]) -> None:
+def check_continues(segments: Sequence[Segment], earlier: Sequence[Segment]) -> None:
     """Check that a log still has what it had at the last look, and what came after.
 
     Args:
@@ -217,7 +221,7 @@ def _check_before(segment: Segment, following: Segment) -> None:
             f"not closed, and {following.path.name} follows it: it was cut; "
             f"events before {following.header.first_event} are affected"
         )
-        raise CorruptLogError(segment.path, segment.whole_end, problem)
+        raise CorruptLogError(segment.path, segment.valid_end, problem)
     if following.header.first_event < segment.header.first_event:
         problem = (
             f"it begins with event {following.header.first_event}, before {segment.path.name} does"
@@ -225,7 +229,7 @@ def _check_before(segment: Segment, following: Segment) -> None:
         raise CorruptLogError(following.path, 0, problem)
 
 
-def _check_leftover(segment: Segment, before: Sequence[Segment]) -> None:
+def _check_covered(segment: Segment, before: Sequence[Segment]) -> None:
     """Check that a segment holds nothing that a merged one does not hold, with the same hashes.
 
     Raises:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from semmap_log.core.model.commits import Commit
-from semmap_log.store.form import TOMBSTONE_CHANNEL
+from semmap_log.store.byte_layout import TOMBSTONE_CHANNEL
 from semmap_log.store.gone_commands import (
     UNKNOWN,
     CommandSeal,

@@ -19,7 +19,7 @@ from semmap_log.store.bag_metadata import write_bag_metadata
 from semmap_log.store.chunks import build_chunk
 from semmap_log.store.compaction.merge import MergedFiles, Pause, merged_header, no_pause
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.gone_commands import TakenOut
+from semmap_log.store.gone_commands import TombstoneSum
 from semmap_log.store.header import SegmentHeader, Trimmed, TrimReason
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.pages import Page
@@ -29,7 +29,7 @@ from semmap_log.store.reading.segment_reading import end_of, pages_of, statistic
 from semmap_log.store.reading.segment_scan import Segment, segment_in
 from semmap_log.store.reading.tombstones import tombstones
 from semmap_log.store.segment import SegmentWriter
-from semmap_log.store.trimming.records_left import RecordsLeft, Selection
+from semmap_log.store.trimming.remaining_records import RemainingRecords, Selection
 
 Select = Callable[[Segment], Selection | None]
 """Returns what is to be taken out of a segment; None: nothing."""
@@ -52,7 +52,7 @@ class Trimming:
     bytes_after: int | None = 0
     """None where it was only counted."""
 
-    def with_more(self, left: RecordsLeft, size: int | None) -> Trimming:
+    def with_more(self, left: RemainingRecords, size: int | None) -> Trimming:
         """Return what was taken out with that of some segments more, of which so much is left."""
         return Trimming(
             self.segments + len(left.sources),
@@ -85,7 +85,7 @@ def trim_segments(
     folder = LogFolder.held(log)
     lock = WriterLock(folder)
     try:
-        folder.remove_leftovers()
+        folder.remove_stale_files()
         reader = LogReader(folder)
         at_once = 0.0  # what was merged into other files holds what goes, too
         MergedFiles.of(reader.segments, reader.leftovers).remove(folder, at_once)
@@ -162,7 +162,7 @@ def count_selected(reader: LogReader, select: Select, progress: Progress | None 
     found = Trimming(bytes_after=None)
     for sources, selection in _steps([s for s in reader.segments if s.told is None], select):
         if selection is not None:
-            left = RecordsLeft(sources, selection)
+            left = RemainingRecords(sources, selection)
             for _ in left.parts():
                 pass
             if left.is_changed:
@@ -185,7 +185,7 @@ def takes_anything(reader: LogReader, select: Select) -> bool:
     """
     for sources, selection in _steps([s for s in reader.segments if s.told is None], select):
         if selection is not None:
-            left = RecordsLeft(sources, selection)
+            left = RemainingRecords(sources, selection)
             if any(left.is_changed for _ in left.parts()) or left.is_changed:
                 return True
     return False
@@ -223,13 +223,13 @@ def of_log(reader: LogReader, digest: str) -> str:
     return f"{reader.info.log_id}:{digest}"
 
 
-def taken_out(reader: LogReader) -> TakenOut:
+def taken_out(reader: LogReader) -> TombstoneSum:
     """Return what the tombstones of a log state.
 
     Raises:
         CorruptLogError: One cannot be read.
     """
-    found = TakenOut()
+    found = TombstoneSum()
     for segment in reader.segments:
         for tombstone, record in tombstones(segment):
             found.add(tombstone, record)
@@ -268,7 +268,7 @@ class TrimmedCopy:
 
     def __init__(self, folder: LogFolder, sources: Sequence[Segment], selection: Selection) -> None:
         """Begin: the head is written."""
-        self.left = RecordsLeft(sources, selection)
+        self.left = RemainingRecords(sources, selection)
         header = _header_of(sources, selection)
         self.writer = SegmentWriter(folder, sources[0].path.name, header)
         self._digest = hashlib.sha256()

@@ -11,7 +11,7 @@ verifying        all of it
 """
 
 from semmap_log.store.verification.findings import Finding, Severity, Verification
-from semmap_log.store.verification.hash_chain import GoneCommits, WholeCommit
+from semmap_log.store.verification.hash_chain import GoneCommits, ValidCommit
 from semmap_log.store.verification.verifying import Progress, Verifier, verify
 
 __all__ = [
@@ -19,8 +19,8 @@ __all__ = [
     "GoneCommits",
     "Progress",
     "Severity",
+    "ValidCommit",
     "Verification",
     "Verifier",
-    "WholeCommit",
     "verify",
 ]

@@ -27,9 +27,7 @@ from semmap_log.core.io.checksum import crc32
 from semmap_log.core.messages import layout
 from semmap_log.store import records as mcap
 from semmap_log.store.bag_metadata import ClosedSegment
-from semmap_log.store.chunks import NO_SPAN
-from semmap_log.store.command_index import attachment, command_rows
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     COMMIT_CHANNEL,
     INDEX_METADATA,
     KEYFRAME_CHANNEL,
@@ -39,6 +37,8 @@ from semmap_log.store.form import (
     count_events,
     floor_map_topic,
 )
+from semmap_log.store.chunks import NO_SPAN
+from semmap_log.store.command_index import attachment, command_rows
 from semmap_log.store.gone_commands import Tombstone
 from semmap_log.store.header import (
     LogInfo,
@@ -170,7 +170,7 @@ def closing_flaws(file: FileBytes, at: int, contents: Contents) -> list[Flaw]:
     if index is None:
         return flaws
     start = at + index_length
-    for name, data in _records_behind(file, at, index_length, index, contents):
+    for name, data in _records_after(file, at, index_length, index, contents):
         is_data_crc = name == DATA_CRC
         if file[start : start + len(data)] != data and not (
             is_data_crc and (flaws or not contents.is_flawless)  # then it cannot fit
@@ -185,7 +185,7 @@ def closing_flaws(file: FileBytes, at: int, contents: Contents) -> list[Flaw]:
 def is_whole_closing(file: FileBytes, at: int, contents: Contents) -> bool:
     """Return whether the bytes from `at` on are as long as what must close the segment."""
     index, length, _ = _index(file, at, contents)
-    behind = _records_behind(file, at, length, index, contents) if index else ()
+    behind = _records_after(file, at, length, index, contents) if index else ()
     return at + length + sum(len(data) for _, data in behind) == len(file)
 
 
@@ -201,7 +201,7 @@ def is_torn_closing(file: FileBytes, at: int, contents: Contents) -> bool:
     if flaws:
         return False
     start = at + length
-    for _, data in _records_behind(file, at, length, index, contents):
+    for _, data in _records_after(file, at, length, index, contents):
         got = bytes(file[start : start + len(data)])
         if got != data[: len(got)] and not _differs_by_lost_sectors(start, got, data):
             return False
@@ -306,7 +306,7 @@ def _stands_for_commits(piece: Piece, start: int, end: int) -> bool:
     return False
 
 
-def _records_behind(
+def _records_after(
     file: FileBytes, at: int, index_length: int, index: Metadata, contents: Contents
 ) -> Iterator[tuple[str, bytes]]:
     """Yield the name and the bytes of each record that must follow the index."""

@@ -14,7 +14,14 @@ from mcap.records import Header, Metadata
 
 from semmap_log.errors import LogAccessError, LogError, NewerLogError
 from semmap_log.store import records as mcap
-from semmap_log.store.form import LIBRARY, LOG_METADATA, PROFILE, number_in, segment_name, stem_of
+from semmap_log.store.byte_layout import (
+    LIBRARY,
+    LOG_METADATA,
+    PROFILE,
+    number_in,
+    segment_name,
+    stem_of,
+)
 from semmap_log.store.header import OtherVersionError, SegmentHeader
 from semmap_log.store.verification.file_place import FileBytes, FilePlace, OpenedFile, Vanished
 

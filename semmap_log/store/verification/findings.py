@@ -15,9 +15,7 @@ from semmap_log.core.io.disk import TEMPORARY_SUFFIX
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogAccessError
 from semmap_log.store.bag_metadata import ClosedSegment, bag_metadata_text, listed_names
-from semmap_log.store.closed_mark import ClosedMark
-from semmap_log.store.folder import not_a_folder
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     BAG_METADATA_NAME,
     NO_HASH,
     RECOVERING_NAME,
@@ -26,6 +24,8 @@ from semmap_log.store.form import (
     is_named_as_part,
     number_in,
 )
+from semmap_log.store.closed_mark import ClosedMark
+from semmap_log.store.folder import not_a_folder
 from semmap_log.store.removed_part import RemovedPart
 from semmap_log.store.verification.file_heads import SegmentFile, look_at
 from semmap_log.store.verification.file_place import FilePlace
@@ -96,7 +96,7 @@ def arrange(place: FilePlace) -> FolderFiles:
     ours = [one for one in looked.values() if one is not None]
     for name in (name for name, one in looked.items() if one is None):
         if any(_has_name_of_part(name, one) for one in ours):
-            found.findings.append(leftover_finding(name, is_whole=False))
+            found.findings.append(merged_finding(name, is_whole=False))
         else:
             text = "a foreign file: no segment of a semmap log; move it elsewhere"
             found.findings.append(_damage("foreign", name, text))
@@ -265,7 +265,7 @@ def _has_name_of_part(path: PurePath, whole: SegmentFile) -> bool:
     return is_named_as_part(path.name, whole.path.name, whole.number, whole.last_number)
 
 
-def leftover_finding(path: PurePath, *, is_whole: bool) -> Finding:
+def merged_finding(path: PurePath, *, is_whole: bool) -> Finding:
     """Return the finding about a segment that was merged into another."""
     text = "was merged into another segment; the next writer removes it"
     if is_whole:

@@ -17,8 +17,7 @@ from typing import Any
 from semmap_log.core.messages import layout, read_message, type_name
 from semmap_log.core.model.commits import Commit, Durability, Note
 from semmap_log.core.texts import counted
-from semmap_log.store.commit_records import commit_hash
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     COMMIT_CHANNEL,
     HASH_BYTES,
     KEYFRAME_CHANNEL,
@@ -27,7 +26,8 @@ from semmap_log.store.form import (
     TOMBSTONE_CHANNEL,
     kind_of_channel,
 )
-from semmap_log.store.gone_commands import TakenOut, Tombstone
+from semmap_log.store.commit_records import commit_hash
+from semmap_log.store.gone_commands import Tombstone, TombstoneSum
 from semmap_log.store.header import SegmentHeader, Unbound
 from semmap_log.store.records import MESSAGE
 from semmap_log.store.verification.findings import Finding, Severity
@@ -51,7 +51,7 @@ class CommitPart:
 
 
 @dataclass(slots=True)
-class WholeCommit:
+class ValidCommit:
     """A commit that is as it was written, and where it lies."""
 
     commit: Commit
@@ -75,7 +75,7 @@ class GoneCommits:
     """Log time of the tombstone."""
 
 
-OnCommit = Callable[[WholeCommit], None]
+OnCommit = Callable[[ValidCommit], None]
 OnGone = Callable[[GoneCommits], None]
 
 
@@ -159,7 +159,7 @@ class Chain:
         """The greatest event number seen in a chunk that was whole, whatever came of it."""
         self.breaks = 0
         """How often something was wrong with it."""
-        self.taken_out = TakenOut()
+        self.taken_out = TombstoneSum()
         self.unbound = Unbound()
         self._records = 0
         """Events and notes that are left, so far."""
@@ -313,8 +313,8 @@ class Chain:
     def _begun(self, sequence: int) -> _Pending:
         """Return the commit that begins with the event of that sequence."""
         number = self.number_of(sequence)
-        is_behind_a_gap = self._is_trimmed and not self._open and number > self.next_event
-        return _Pending(self.next_event if is_behind_a_gap else number)
+        is_after_gap = self._is_trimmed and not self._open and number > self.next_event
+        return _Pending(self.next_event if is_after_gap else number)
 
     def _gap(self, pending: _Pending, channel: int, sequence: int) -> int:
         """Return how many events are not there before a record of a trimmed segment."""
@@ -417,12 +417,12 @@ class Chain:
             recorded_ns=log_ns - count - has_note, closed_ns=log_ns, note=pending.note, **said
         )
         loose = sum(pending.kept[channel] for channel in lacking if channel != NOTE_CHANNEL)
-        whole = WholeCommit(
+        whole = ValidCommit(
             commit, pending.parts, pending.count, has_note, loose, pending.tombstone
         )
         self._place(whole, offset)
 
-    def _place(self, whole: WholeCommit, offset: int) -> None:
+    def _place(self, whole: ValidCommit, offset: int) -> None:
         """Put a whole commit after the last one, if it belongs there."""
         commit = whole.commit
         if commit.first_event < self.next_event:

@@ -16,6 +16,12 @@ from typing import Protocol
 from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import LogAccessError, LogError, ObjectChangedError
+from semmap_log.store.byte_layout import (
+    BAG_METADATA_NAME,
+    MANIFEST_NAME,
+    MOST_LIST_BYTES,
+    mark_names,
+)
 from semmap_log.store.closed_mark import (
     MOST_BYTES,
     ClosedMark,
@@ -24,7 +30,6 @@ from semmap_log.store.closed_mark import (
     those_that_count,
 )
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import BAG_METADATA_NAME, MANIFEST_NAME, MOST_LIST_BYTES, mark_names
 from semmap_log.store.manifest import (
     KeptManifest,
     ShippedSegment,

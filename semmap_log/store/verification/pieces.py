@@ -21,14 +21,14 @@ from mcap.records import Channel, ChunkIndex, Schema
 from semmap_log.core.io.checksum import crc32
 from semmap_log.core.messages import layout
 from semmap_log.store import records as mcap
-from semmap_log.store.chunks import NO_SPAN, StoredChunk, read_chunk_head
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     COMMIT_CHANNEL,
     FLOOR_MAP_CHANNEL,
     LAST_EVENT_CHANNEL,
     ZSTD_LEVEL,
     floor_map_topic,
 )
+from semmap_log.store.chunks import NO_SPAN, StoredChunk, read_chunk_head
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.newer import Newer, is_later_kind
 from semmap_log.store.record_scan import ChunkDamage, check_sizes, unpack_records
@@ -102,7 +102,7 @@ class SegmentWalk:
             at, is_known = found.stored.offset, False
         self.pieces_end = min(at, size)
 
-    def is_durable_behind(self, start: int, event: int) -> bool:
+    def is_durable_after(self, start: int, event: int) -> bool:
         """Return whether a whole chunk after `start` proves that `event` was on the disk once."""
         while (piece := find_piece(self.file, start, len(self.file))) is not None:
             if any(durable > event for durable in _durable_before(piece)):

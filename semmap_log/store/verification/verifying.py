@@ -17,8 +17,8 @@ from semmap_log.core.model.events import HistoryTrimmed
 from semmap_log.core.texts import counted
 from semmap_log.errors import LogError
 from semmap_log.store.bag_metadata import ClosedSegment
+from semmap_log.store.byte_layout import FORMAT_MINOR, FORMAT_VERSION, NO_HASH
 from semmap_log.store.clock_check import ClockCheck
-from semmap_log.store.form import FORMAT_MINOR, FORMAT_VERSION, NO_HASH
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.manifest import ShippedSegment
 from semmap_log.store.newer import NOTHING_NEWER, is_later_kind
@@ -42,15 +42,15 @@ from semmap_log.store.verification.findings import (
     Verification,
     arrange,
     bag_metadata_findings,
-    leftover_finding,
     mark_findings,
+    merged_finding,
 )
 from semmap_log.store.verification.hash_chain import (
     Chain,
     GoneCommits,
     OnCommit,
     OnGone,
-    WholeCommit,
+    ValidCommit,
 )
 from semmap_log.store.verification.keyframe_place import (
     DiskAndStorePlace,
@@ -186,7 +186,7 @@ class Verifier:
         if not found.segments:
             return Verification(self.path, tuple(self.findings))
         self._todo = sum(file.size for file in (*found.segments, *found.leftovers))
-        self._leftovers(found.leftovers)
+        self._check_merged(found.leftovers)
         self._begin(found.segments[0])
         for i in range(len(found.segments)):
             self._segment(i)
@@ -336,14 +336,14 @@ class Verifier:
         """Return whether a crash can have left a bad place in a live segment."""
         if gap.start == walk.head_end:
             return False  # the head and its keyframe are synced before the file has its name
-        return not walk.is_durable_behind(gap.end, self.chain.next_event)
+        return not walk.is_durable_after(gap.end, self.chain.next_event)
 
     def _flaw(self, flaw: Flaw, walk: SegmentWalk, *, is_live: bool) -> bool:
         """Report a flaw around a chunk; return False where it makes the rest a torn tail."""
         is_torn = (
             is_live
             and flaw.kind in TORN_KINDS
-            and not walk.is_durable_behind(flaw.offset + 1, self.chain.next_event)
+            and not walk.is_durable_after(flaw.offset + 1, self.chain.next_event)
         )
         if not is_torn:
             self._damage(flaw.kind, flaw.offset, flaw.text)
@@ -394,7 +394,7 @@ class Verifier:
         else:
             self._torn(at, len(data), walk.problem)
 
-    def _leftovers(self, files: list[SegmentFile]) -> None:
+    def _check_merged(self, files: list[SegmentFile]) -> None:
         """Read segments that were merged into others: their last hash must come again there."""
         for file in files:
             found: list[Finding] = []
@@ -403,12 +403,12 @@ class Verifier:
                 chain.start_at(file.header)
             with bytes_of(self._place, file) as data:
                 self._bytes += len(data)
-                flaws = _flaws_of_leftover(file, data, chain)
+                flaws = _flaws_of_merged(file, data, chain)
             if chain.commits:
                 self._merged[chain.next_event - 1] = (file.path, chain.head)
-            self.findings.append(leftover_finding(file.path, is_whole=not (found or flaws)))
+            self.findings.append(merged_finding(file.path, is_whole=not (found or flaws)))
 
-    def _commit(self, whole: WholeCommit) -> None:
+    def _commit(self, whole: ValidCommit) -> None:
         commit = whole.commit
         mark = self.arrangement.mark
         if mark is not None and mark.next_event == commit.last_event + 1:
@@ -564,10 +564,10 @@ class Verifier:
             file = self.arrangement.segments[i]
             with bytes_of(self._place, file) as data:
                 for item in SegmentWalk(data, file.header_end, file.header):
-                    at_or_behind = i > place.file or (
+                    at_or_after = i > place.file or (
                         isinstance(item, Piece) and item.stored.offset >= place.offset
                     )
-                    if isinstance(item, Piece) and at_or_behind:
+                    if isinstance(item, Piece) and at_or_after:
                         yield item
 
     def _torn(self, start: int, end: int, text: str) -> None:
@@ -597,7 +597,7 @@ def _log_of(told: HistoryTrimmed) -> str:
     return told.tombstones.partition(":")[0]
 
 
-def _flaws_of_leftover(file: SegmentFile, data: FileBytes, chain: Chain) -> list[Flaw | Gap]:
+def _flaws_of_merged(file: SegmentFile, data: FileBytes, chain: Chain) -> list[Flaw | Gap]:
     """Take the chunks of a segment that was merged into another; return what is not as written."""
     if file.header is None:
         return [Flaw("header", 0, file.problem)]

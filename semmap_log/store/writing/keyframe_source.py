@@ -9,9 +9,9 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from semmap_log.store import records as mcap
+from semmap_log.store.byte_layout import KEYFRAME_CHANNEL
 from semmap_log.store.chunks import BuiltChunk, build_chunk
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import KEYFRAME_CHANNEL
 from semmap_log.store.reading.reader import LogReader
 
 Flush = Callable[[], None]

@@ -36,13 +36,7 @@ from semmap_log.core.io.byte_source import blocks
 from semmap_log.core.model.commits import Commit
 from semmap_log.errors import CorruptLogError
 from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
-from semmap_log.store.chunks import BuiltChunk, build_chunk
-from semmap_log.store.closed_mark import ClosedMark, read_mark, write_mark
-from semmap_log.store.command_index import fingerprint
-from semmap_log.store.compaction.background import BackgroundCompactor, KeepUp
-from semmap_log.store.compaction.merge import MergedFiles, needs_compaction
-from semmap_log.store.folder import LogFolder, Version
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     CONTINUE_BELOW_BYTES,
     ROLL_AGE_NS,
     ROLL_BYTES,
@@ -50,6 +44,12 @@ from semmap_log.store.form import (
     TORN_SUFFIX,
     segment_name,
 )
+from semmap_log.store.chunks import BuiltChunk, build_chunk
+from semmap_log.store.closed_mark import ClosedMark, read_mark, write_mark
+from semmap_log.store.command_index import fingerprint
+from semmap_log.store.compaction.background import BackgroundCompactor, KeepUp
+from semmap_log.store.compaction.merge import MergedFiles, needs_compaction
+from semmap_log.store.folder import LogFolder, Version
 from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.pages import Page
@@ -115,7 +115,7 @@ class SegmentChain:
         """Segments that this writer has closed, or compacted, as they were then."""
         self._merged = MergedFiles()
         """What was merged before this writer came, and is not old enough to go."""
-        self._tell_closed = closed
+        self._report_closed = closed
         self._compacts = compacts
         self._compactor = BackgroundCompactor(folder, self._compacted, keep_up)
 
@@ -144,7 +144,7 @@ class SegmentChain:
         """Return whether an event is the first of the last segment, or follows a trimmed one."""
         return self._header.trimmed is not None or self._header.first_event == next_event
 
-    def begin_anew(self, keyframe: BuiltChunk) -> None:
+    def start_over(self, keyframe: BuiltChunk) -> None:
         """Put a new segment in the place of the only one, which holds no events."""
         first, small = self.live, self._small
         assert first is not None or small is not None
@@ -225,7 +225,7 @@ class SegmentChain:
             except BaseException:
                 segment.abandon()
                 raise
-            self._tell_closed(segment)
+            self._report_closed(segment)
             write_mark(self.folder, end.mark(segment.header))  # first: see `check_listed`
             self._list(segment.closed_segment())
             self._check_written(segment.name)
@@ -313,16 +313,16 @@ def reopened(folder: LogFolder, segment: Segment) -> SegmentWriter:
 
 def keep_torn_tail(folder: LogFolder, segment: Segment) -> None:
     """Keep the bytes after the last whole commit next to the segment, named by their place."""
-    name = f"{segment.path.name}{TORN_SUFFIX}-{segment.whole_end}"
+    name = f"{segment.path.name}{TORN_SUFFIX}-{segment.valid_end}"
     kept, more = name, 1
     while folder.has(kept) and not _holds(folder, kept, segment):
         more += 1
         kept = f"{name}-{more}"
-    folder.write_whole(kept, _torn_tail(segment))
+    folder.write_atomic(kept, _torn_tail(segment))
 
 
 def _torn_tail(segment: Segment) -> Iterator[memoryview]:
-    return blocks(segment.source, segment.whole_end, segment.size)
+    return blocks(segment.source, segment.valid_end, segment.size)
 
 
 def _holds(folder: LogFolder, name: str, segment: Segment) -> bool:
@@ -413,7 +413,7 @@ class CommandMemory:
         commit = commit_of(self._seen, event)
         if commit is None or commit.command_id != command_id:
             problem = f"the commit of event {event}, which was written, is not there any more"
-            raise CorruptLogError(live.path, self._seen.whole_end, problem)
+            raise CorruptLogError(live.path, self._seen.valid_end, problem)
         return commit
 
     def _forget_live(self, live: SegmentWriter | None) -> None:

@@ -15,12 +15,12 @@ from semmap_log.core.io.clock import Clock, SystemClock, believable_ns
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Durability, Note
 from semmap_log.core.model.events import Event
 from semmap_log.errors import CommandError, LogError, LogPoisonedError
+from semmap_log.store.byte_layout import NO_HASH
 from semmap_log.store.chunks import BuiltChunk
 from semmap_log.store.command_index import COMMAND_ID_BYTES
 from semmap_log.store.commit_records import CommitBuilder, Entropy, Stamp
 from semmap_log.store.compaction.background import KeepUp
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import NO_HASH
 from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.lock import WriterLock
@@ -104,7 +104,7 @@ class LogWriter:
         self.last_ns = max(believable_ns(self.clock), 1)
         self._chain.begin(header, self._keyframe(self.last_ns))
 
-    def go_on(self, reader: LogReader, keyframes: KeyframeSource) -> None:
+    def proceed(self, reader: LogReader, keyframes: KeyframeSource) -> None:
         """Take up a log where it ends."""
         self._keyframes = keyframes
         commit = reader.last_commit()
@@ -136,7 +136,7 @@ class LogWriter:
         try:
             with self._syncs.lock:  # nobody may be syncing the file that is replaced here
                 self.last_ns = recorded_ns
-                self._chain.begin_anew(self._keyframe(recorded_ns))
+                self._chain.start_over(self._keyframe(recorded_ns))
         except OSError as error:
             raise self._poisoned(error.strerror) from error
         self._in_commit = False

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Generic
 
 from semmap_log.core.io.disk import check_can_write, sync_folder
-from semmap_log.core.io.made_logs import refuse_made
+from semmap_log.core.io.virtual_logs import check_not_virtual
 from semmap_log.core.texts import command_line
 from semmap_log.errors import LogAccessError, LogError, LogExistsError
+from semmap_log.store.byte_layout import NO_HASH, has_name_of_file
 from semmap_log.store.compaction.merge import MergedFiles
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import NO_HASH, has_name_of_file
 from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
@@ -54,14 +54,14 @@ def create_log(
         LogAccessError: The folder cannot be made, or this system lacks what writing needs.
     """
     check_can_write(path)
-    with _told_as_access_error(path, "no log can be made here"):
+    with _as_access_error(path, "no log can be made here"):
         _check_is_free(path)
         _check_is_folders_name(path)
         path.mkdir(parents=True, exist_ok=True)
         folder = LogFolder.held(path)
         with _locked(folder) as lock:
             _check_is_free(path, folder)  # again: somebody may have been quicker
-            folder.remove_leftovers()
+            folder.remove_stale_files()
             writer = LogWriter(folder, lock, environment)
             keyframes = new_keyframes(folder, writer.flush)
             header = SegmentHeader(info, number=0, first_event=0, hash_so_far=NO_HASH)
@@ -89,10 +89,10 @@ def open_for_append(
         LogAccessError: The file system does not let us.
         CorruptLogError: Commits that were acknowledged are damaged.
     """
-    refuse_made(path)
+    check_not_virtual(path)
     check_is_log(LogFolder(path))  # before a lock file is put into somebody else's folder
-    with _told_as_access_error(path, "cannot be opened"), _held(path) as (folder, lock):
-        folder.remove_leftovers()
+    with _as_access_error(path, "cannot be opened"), _held(path) as (folder, lock):
+        folder.remove_stale_files()
         return _taken_up(folder, lock, new_keyframes, environment)
 
 
@@ -106,7 +106,7 @@ def _taken_up(
     MergedFiles.of(reader.segments, reader.leftovers).remove(folder)
     writer = LogWriter(folder, lock, environment)
     keyframes = new_keyframes(folder, writer.flush, reader)
-    writer.go_on(reader, keyframes)
+    writer.proceed(reader, keyframes)
     if _may_be_half_made(reader):
         sync_folder(folder.path.parent)
     with _closed_on_error(writer):
@@ -167,7 +167,7 @@ def _locked(folder: LogFolder) -> Iterator[WriterLock]:
 
 
 @contextmanager
-def _told_as_access_error(path: Path, problem: str) -> Iterator[None]:
+def _as_access_error(path: Path, problem: str) -> Iterator[None]:
     try:
         yield
     except LogAccessError:

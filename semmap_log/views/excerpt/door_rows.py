@@ -34,7 +34,7 @@ from semmap_log.core.model.doors import (
     DoorState,
     Geometry,
     ObjectClass,
-    outline_told,
+    parse_outline,
 )
 from semmap_log.core.model.events import DoorAdded
 from semmap_log.core.model.meaning import FIELDS, PART_OF, PARTS, PLACING, Presence
@@ -197,7 +197,7 @@ def shapes_of(state: DoorMapState) -> Mapping[DoorId, ObjectShape]:
 
 def _outline(text: str) -> Corners:
     try:
-        return outline_told(text)
+        return parse_outline(text)
     except ValueError:
         return ()
 

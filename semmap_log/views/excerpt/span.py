@@ -18,10 +18,10 @@ from semmap_log.core.batches.event_batch import EventBatch, Retractions, in_rang
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.model.doors import DoorId, DoorMap
 from semmap_log.core.model.events import FloorMap
-from semmap_log.core.model.moments import refuse_reversed
+from semmap_log.core.model.moments import check_ordered
 from semmap_log.log.door_log.clock_warnings import warn_of_clock
 from semmap_log.log.replay.replay import Scope
-from semmap_log.store.pages import bits_of_kinds
+from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.window import Window
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def doors_at_ends(eras: Sequence[PlanEra], excerpt: Excerpt) -> Iterator[tuple[P
 def _told(excerpt: Excerpt) -> dict[int, list[tuple[int, int, int]]]:
     """Return rows of `PLAN` by level, retracted plans included; numbers ascend."""
     told: dict[int, list[tuple[int, int, int]]] = {}
-    window = Window(happened_before_ns=excerpt.until_ns, kinds=bits_of_kinds([FloorMap]))
+    window = Window(happened_before_ns=excerpt.until_ns, kinds=kinds_mask([FloorMap]))
     for batch in excerpt.log.batches_in(window):
         for each in batch:
             assert isinstance(each.event, FloorMap)
@@ -199,7 +199,7 @@ class Excerpt:
         """
         chosen = None if doors is None else frozenset(doors)
         since_ns, until_ns = log.instant(since), log.instant(until)
-        refuse_reversed(since_ns, until_ns)
+        check_ordered(since_ns, until_ns)
         warn_of_clock(log, since_ns)
         return cls(log, log.shown_from_ns(since_ns, until_ns), until_ns, chosen)
 

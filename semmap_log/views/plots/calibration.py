@@ -15,7 +15,7 @@ from semmap_log.core.texts import counted
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import PLOT_BARS, PLOT_CURVE, PLOT_MARKS
 from semmap_log.views.plots.figures import new_figure, save_figure
-from semmap_log.views.timeline_table import known_in_words
+from semmap_log.views.timeline_table import known_text
 
 PANEL_IN, ROW_IN = 2.6, 3.5
 HEAD_IN, FOOT_IN = 0.5, 0.3
@@ -120,7 +120,7 @@ def _title(evaluation: Evaluation, name: str) -> str:
     doors = len(evaluation.doors)
     of = "" if doors == 1 else f", {counted(doors, 'door')}"
     called = printable(name).replace("$", r"\$")
-    return f"Forecast, and what came: {called}{of}\n{known_in_words(evaluation)}"
+    return f"Forecast, and what came: {called}{of}\n{known_text(evaluation)}"
 
 
 def _figures(scores: Scores) -> str:

@@ -11,7 +11,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from semmap_log.core.io.disk import output_errors, whole_file
+from semmap_log.core.io.disk import atomic_file, output_errors
 from semmap_log.errors import FormatError, MissingExtraError
 from semmap_log.views.event_words import HasShape
 
@@ -83,7 +83,7 @@ def save_figure(figure: Any, path: Path) -> None:
         _add_letters(figure)
     with (
         output_errors(path),
-        whole_file(path) as temporary,
+        atomic_file(path) as temporary,
         mpl.rc_context(SVG_STYLE),
         warnings.catch_warnings(),
     ):

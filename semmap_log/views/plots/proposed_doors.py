@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 LONG_IN, LEAST_IN, MOST_IN = 11.0, 4.0, 11.0
 MOST_POINTS = 60_000
 """Of where beams ended."""
-BESIDE_M = 1.0
+AROUND_EDGE_M = 1.0
 """Margin around the building; what few stray beams met beyond it is not shown."""
 STRAY = 0.5
 """Per cent of where beams ended, on each side."""
@@ -90,7 +90,7 @@ def extent_of(ends: Floats, walls: Floats | None, doors: Sequence[tuple[float, f
     inner = np.percentile(ends, [STRAY, 100 - STRAY], axis=0)
     middles = np.array(doors).reshape(-1, 2)
     corners = np.concatenate([inner, middles, inner[:0] if walls is None else walls])
-    return np.stack([corners.min(axis=0) - BESIDE_M, corners.max(axis=0) + BESIDE_M])
+    return np.stack([corners.min(axis=0) - AROUND_EDGE_M, corners.max(axis=0) + AROUND_EDGE_M])
 
 
 def _draw_points(panel: Any, ends: Floats, walls: Floats | None) -> None:

@@ -16,7 +16,7 @@ from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, DAYS,
 from semmap_log.analysis.probabilities.forecast import INTERVAL
 from semmap_log.core.model.moments import format_short
 from semmap_log.core.texts import counted
-from semmap_log.log.door_log.summary import told_apart
+from semmap_log.log.door_log.summary import distinct_labels
 from semmap_log.views.belief_words import why_unknown
 from semmap_log.views.event_words import HasShape, drawable_name, printable
 from semmap_log.views.palette import COLOUR_MAP, PLOT_CURVE, PLOT_HATCH, PLOT_NOTHING
@@ -70,7 +70,7 @@ def draw_weeks(weeks: Sequence[TypicalWeek], by: By, letters: HasShape = has_sha
         "week": _draw_week, "hour": _draw_hours, "weekday": _draw_weekdays
     }[by]  # fmt: skip
     shown = None
-    labels = told_apart((week.door, week.level_name) for week in weeks)
+    labels = distinct_labels((week.door, week.level_name) for week in weeks)
     for panel, week in zip(panels, weeks, strict=False):
         label = labels.get(week.door.door_id, week.door.label)
         panel.set_title(_title(week, label, letters), fontsize="medium", loc="left")

@@ -39,7 +39,7 @@ from semmap_log.log.replay.replay import Scope
 from semmap_log.store.reading.window import Window
 from semmap_log.views.belief_words import why_unknown
 from semmap_log.views.costmap_picture import without_level
-from semmap_log.views.event_words import state_told_by, words_of
+from semmap_log.views.event_words import reported_state, words_of
 from semmap_log.views.excerpt.door_rows import ObjectShape, shapes_of, sorted_by_stamp
 from semmap_log.views.excerpt.shown_levels import home_of_0
 from semmap_log.views.excerpt.span import Excerpt
@@ -68,7 +68,7 @@ if TYPE_CHECKING:
     from semmap_log.log.door_log.door_log import Time
 
 
-BESIDE_MS = 8 * DAY_MS
+MARGIN_MS = 8 * DAY_MS
 """The time zone's offsets reach so far beyond the page's span: to the week around a moment."""
 
 
@@ -145,7 +145,7 @@ def report_data(
         "log": _log(log, tz),
         "begin": span.begin_ms,
         "end": span.end_ms - span.begin_ms,
-        "offsets": zone_offsets(span.widened(BESIDE_MS), tz),
+        "offsets": zone_offsets(span.widened(MARGIN_MS), tz),
         "events": found.events,
         "isWhole": excerpt.until_ns is None,
         "isEmpty": found.events == 0 and not told,
@@ -340,18 +340,18 @@ def _entries(log: DoorLog, numbers: Rows) -> Iterator[HistoryEntry]:
     """Yield the events of these numbers, ascending, with who and why, in one pass."""
     if not len(numbers):
         return
-    finder = log.said_finder()
+    finder = log.note_finder()
     window = Window(first_event=int(numbers.min()), before_event=int(numbers.max()) + 1)
     batches = (
         batch.select(np.isin(batch.number, numbers))
         for batch in log.batches_in(window, on_page=finder.look_at)
     )
     found = (batch for batch in batches if len(batch))
-    yield from history(found, finder.said_of, log.retractions())
+    yield from history(found, finder.note_texts_of, log.retractions())
 
 
 def _line(entry: HistoryEntry, of: ObjectClass, span: Span) -> dict[str, Any]:
-    state = state_told_by(entry.event)
+    state = reported_state(entry.event)
     late_ns = entry.recorded_ns - entry.folds_ns
     return {
         "event": entry.number,

@@ -67,7 +67,7 @@ def shown_levels(
     for number in sorted(used) or [0]:
         eras = plans.get(number, NO_PLANS).happened
         if len(eras) > 1:
-            shown.append(_mapped_anew(number, excerpt, now, content, eras))
+            shown.append(_remapped(number, excerpt, now, content, eras))
             continue
         floor = excerpt.log.floor_of(now, number)
         bounds = _bounds(number, content, ALL_TIME)
@@ -90,7 +90,7 @@ ALL_TIME = (-(2**63), 2**63 - 1)
 """First and last nanosecond."""
 
 
-def _mapped_anew(
+def _remapped(
     number: int, excerpt: Excerpt, now: DoorMap, content: PageContent, eras: Sequence[PlanEra]
 ) -> dict[str, Any]:
     begins = [ALL_TIME[0], *(int(era.since["folds_ns"][0]) for era in eras[1:])]

@@ -39,7 +39,7 @@ from semmap_log.views.excerpt.shown_levels import home_of_0
 from semmap_log.views.excerpt.span import NO_PLANS, Excerpt, level_plans
 from semmap_log.views.rerun.drawable import drawable_name, free_part, unique_parts
 from semmap_log.views.rerun.scene import ROOT, KnownDoor, Scene, SceneDoor, SceneLevel
-from semmap_log.views.rerun.taken_back import TakenBack, taken_back
+from semmap_log.views.rerun.shown_retractions import ShownRetraction, taken_back
 
 GIVEN = int(Changed.PROB_OPEN | Changed.PROB_CLOSED)
 NOWHERE = RecordingEdge(-1, -1, -1)
@@ -81,7 +81,7 @@ class RecordingContents:
                 pass_.take_back(one)
         state = self._excerpt.log.state_in(Scope(at_ns=self._excerpt.last_ns()))
         doors, shapes = state.door_map(), shapes_of(state)
-        placed = {n for door in pass_.doors.values() if door.is_ever_there for n in door.placed_on}
+        placed = {n for door in pass_.doors.values() if door.was_present for n in door.placed_on}
         home = home_of_0(placed | levels_of(doors).keys())
         robot_level = pass_.robot_last[1]
         levels = _levels(self._excerpt, doors, pass_, home)
@@ -104,7 +104,7 @@ class _Found:
 
     before: Door | None = None
     known: list[KnownDoor] = field(default_factory=list)
-    is_ever_there: bool = False
+    was_present: bool = False
     added: Stamp = NEVER
     removed: Stamp = NEVER
     name: str = ""
@@ -137,7 +137,7 @@ class _Found:
         self.is_plain &= bool(both.all()) and not is_late.any()
         sets_state = (changes["sets"] & int(Changed.STATE)) != 0
         self.disturbed.append(changes["folds_ns"][sets_state & (is_late | ~both)])
-        self.is_ever_there |= bool(of_presence(changes, Presence.COMES).any())
+        self.was_present |= bool(of_presence(changes, Presence.COMES).any())
         placed = changes[(changes["sets"] & int(Changed.POSE)) != 0]
         for level, stamp in zip(placed["level"].tolist(), _stamps(placed), strict=True):
             self.levels[level] = max(stamp, self.levels.get(level, ALWAYS))
@@ -152,7 +152,7 @@ class _Found:
     def know(self, known: KnownDoor) -> None:
         """Take a state from which it continues along `recorded`."""
         self.known.append(known)
-        self.is_ever_there |= known.is_there
+        self.was_present |= known.is_there
         if known.is_placed:
             self.levels.setdefault(known.level, ALWAYS)
             self.placed_on.add(known.level)
@@ -236,7 +236,7 @@ class _Pass:
                 found.know(KnownDoor.of(state, door_id, self.begin))
                 found.is_plain &= _values(state.door(door_id)) == _values(found.before)
 
-    def take_back(self, what: TakenBack) -> None:
+    def take_back(self, what: ShownRetraction) -> None:
         """Update the doors to what is known after a retraction."""
         state = self._excerpt.log.state_in(Scope(event=what.edge.number))
         for door_id in what.doors & self.doors.keys():
@@ -342,7 +342,7 @@ def _levels(
         home: Where level 0 is shown; None: doors without a place may still be there.
     """
     known = doors.levels
-    there = [door for door in pass_.doors.values() if door.is_ever_there]
+    there = [door for door in pass_.doors.values() if door.was_present]
     robot = {n or home: bounds for n, bounds in pass_.robot_bounds.items() if n or home is not None}
     used = {n or home or 0 for door in there for n in door.ever_on} | {n or 0 for n in robot}
     if excerpt.doors is None:
@@ -384,7 +384,7 @@ def _doors(
     shapes: Mapping[DoorId, ObjectShape],
 ) -> dict[DoorId, SceneDoor]:
     """Return the doors that are in the map at some time on some timeline, ids ascending."""
-    there = {i: door for i, door in sorted(pass_.doors.items()) if door.is_ever_there}
+    there = {i: door for i, door in sorted(pass_.doors.items()) if door.was_present}
     last = {i: door.last_level or home or 0 for i, door in there.items()}
     short = {i: without_level(door.name, levels[last[i]].name) for i, door in there.items()}
     parts = _parts(there, short)

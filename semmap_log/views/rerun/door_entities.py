@@ -63,7 +63,7 @@ class DoorsWriter:
         """Of the others, once all that is late has come."""
         for door_id, door in scene.doors.items():
             beside = max(scene.levels[level].doors for level in door.lines)
-            write_style(writer, door, palette, doors_beside=beside)
+            write_style(writer, door, palette, doors_shown=beside)
             if door.is_plain:
                 self._plain[door_id] = _PlainDoor(DoorWriter(*self._pens, door, EVERYWHERE))
             else:
@@ -250,9 +250,9 @@ class DoorWriter:
         return drawn
 
 
-def write_style(writer: RowWriter, door: SceneDoor, palette: Palette, *, doors_beside: int) -> None:
+def write_style(writer: RowWriter, door: SceneDoor, palette: Palette, *, doors_shown: int) -> None:
     """Write what holds at all times: label, colours of the states, look of the curves."""
-    label = door.short_label if doors_beside <= MOST_NAMES else str(door.door_id)
+    label = door.short_label if doors_shown <= MOST_NAMES else str(door.door_id)
     line = rr.LineStrips2D.from_fields(radii=rr.Radius.ui_points(LINE_UI_POINTS), draw_order=10.0)
     # A label has the colour of what it belongs to. On its grey chip that of a state could not be
     # read in the light theme; so it belongs to a point that is too small to be seen.
@@ -260,7 +260,7 @@ def write_style(writer: RowWriter, door: SceneDoor, palette: Palette, *, doors_b
         radii=0.0,
         colors=packed(palette.label),
         labels=[label],
-        show_labels=doors_beside <= MOST_IDS,
+        show_labels=doors_shown <= MOST_IDS,
         # Below all: with WebGL each thing that is drawn is drawn a little larger than the one
         # below it, half a thousandth, so that lines should come soon after the floor.
         draw_order=-30.0,

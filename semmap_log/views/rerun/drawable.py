@@ -28,7 +28,7 @@ from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.core.model.meaning import NO_EFFECT, PLACING, Presence
 from semmap_log.core.model.moments import SECOND_NS
 from semmap_log.views import event_words
-from semmap_log.views.event_words import state_told_by, words_of
+from semmap_log.views.event_words import reported_state, words_of
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.rerun.rerun_sdk import rr
 from semmap_log.views.rerun.scene import RepeatFinder, RowWriter, Scene, SceneDoor, is_long
@@ -139,11 +139,11 @@ class EventLines:
             return DEBUG, f"door {event.door_id}  {said} (not in the map)", None
         said = f"{_who(door)}  {said}"
         if is_void:
-            return INFO, said, state_told_by(event)
+            return INFO, said, reported_state(event)
         goes = event.effect.presence is Presence.GOES
         if not (goes or door.life.added <= stamp < door.life.removed):
             return DEBUG, f"{said} (not in the map then)", None
-        state = state_told_by(event)
+        state = reported_state(event)
         return self._importance(event, state, stamp), said, state
 
     def _importance(self, event: DoorEvent, state: DoorState | None, stamp: Stamp) -> str:

@@ -108,7 +108,7 @@ def follow_in_viewer(
             tail.begin(url, progress if turn == 0 else None)
             if replaced is not None and forget is not None:
                 forget(replaced)
-            tail.go_on(stop)
+            tail.proceed(stop)
         if not tail.is_outdated:
             return
         replaced = recording_id
@@ -174,7 +174,7 @@ class _Tail:
         self._converter.finish()
         _deliver(self._recording)
 
-    def go_on(self, stop: Callable[[], bool]) -> None:
+    def proceed(self, stop: Callable[[], bool]) -> None:
         """Send each new commit, until `stop` returns true or a commit does not fit."""
         log = self._source.excerpt.log
         for followed in log.follow(poll_s=POLL_S, stop=lambda: stop() or self._is_over()):

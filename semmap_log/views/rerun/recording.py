@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from semmap_log.analysis.beliefs.door_beliefs import TypicalWeek
-from semmap_log.core.io.disk import output_errors, refuse_own_folder, whole_file
+from semmap_log.core.io.disk import atomic_file, check_outside_log, output_errors
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import RobotPose
 from semmap_log.views.bounds import Bounds
@@ -132,7 +132,7 @@ def save_rrd(
         OutputError: The file would lie in the log's own folder, or cannot be written; what was
             there stays.
     """
-    refuse_own_folder(log.path, path)
+    check_outside_log(log.path, path)
     started = time.monotonic()
     excerpt = Excerpt.of(log, since, until, doors)
     scene = find_scene(excerpt)
@@ -150,7 +150,7 @@ def save_rrd(
         tz=log.info.timezone,
         sightings=sightings,
     )
-    with output_errors(path), whole_file(path) as temporary:
+    with output_errors(path), atomic_file(path) as temporary:
         left_out = write_recording(
             temporary, excerpt,
             scene=scene, blueprint=blueprint, palette=palette, costmap=costmap,

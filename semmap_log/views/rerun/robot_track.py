@@ -30,8 +30,8 @@ from semmap_log.views.rerun.scene import (
     RowWriter,
     Scene,
     SceneLevel,
+    drawn_poses,
     is_long,
-    telling_poses,
 )
 
 GAP_NS = 600 * 10**9
@@ -121,7 +121,7 @@ class _RobotTrack:
         poses = np.concatenate(self._waiting)
         self._waiting, self._rows_waiting = [], 0
         if self._thins:
-            telling = telling_poses(*(poses[n] for n in ("x", "y", "theta", "level", "folds_ns")))
+            telling = drawn_poses(*(poses[n] for n in ("x", "y", "theta", "level", "folds_ns")))
             self.left_out += int(np.count_nonzero(~telling))
             poses = poses[telling]
         self._link(poses)

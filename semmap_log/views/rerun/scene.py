@@ -265,13 +265,13 @@ class RepeatFinder:
         last_ns, state = self._last.get(door_id, (-1, NO_STATE))
         times = np.append(last_ns, in_order["folds_ns"])
         states = np.append(np.uint8(state), in_order["state"])
-        told_between = np.diff(np.searchsorted(disturbed_ns, times)) != 0
+        reported_between = np.diff(np.searchsorted(disturbed_ns, times)) != 0
         self._last[door_id] = int(times[-1]), int(states[-1])
-        repeats: Changes = in_order[(states[1:] == states[:-1]) & ~told_between]
+        repeats: Changes = in_order[(states[1:] == states[:-1]) & ~reported_between]
         return repeats
 
 
-def telling_poses(
+def drawn_poses(
     x: NDArray[np.float64],
     y: NDArray[np.float64],
     theta: NDArray[np.float64],

@@ -73,7 +73,7 @@ class Sheet:
     @classmethod
     def of(cls, doors: int, letters: int) -> Sheet:
         """Return the sheet for a number of doors, by the letters of their longest name."""
-        if doors > MOST_NAMES and (named := _named_beside(doors, letters)) is not None:
+        if doors > MOST_NAMES and (named := _named_at_side(doors, letters)) is not None:
             return named
         tile = NAMED if doors <= MOST_NAMES else NUMBERED
         columns = math.ceil(math.sqrt(doors * ASPECT * tile.height / tile.width))
@@ -129,14 +129,14 @@ class Sheet:
         )
 
 
-def _named_beside(doors: int, letters: int) -> Sheet | None:
+def _named_at_side(doors: int, letters: int) -> Sheet | None:
     """Return the sheet with the largest cells that has names at the side; None: no room."""
-    sheets = (_beside(doors, columns, letters) for columns in range(1, doors + 1))
+    sheets = (_next_to(doors, columns, letters) for columns in range(1, doors + 1))
     fitting = [sheet for sheet in sheets if sheet is not None and sheet.line <= TALLEST_LABEL]
     return min(fitting, key=lambda sheet: sheet.line, default=None)
 
 
-def _beside(doors: int, columns: int, letters: int) -> Sheet | None:
+def _next_to(doors: int, columns: int, letters: int) -> Sheet | None:
     """Return a sheet of so many columns, each with room for names; None: these take all of it.
 
     The taller a label, the wider its tile; the wider the tiles, the taller a label.

@@ -184,7 +184,7 @@ def test_live_beside_a_writer(path: Path) -> None:
 
     assert [FREE_SPACE, LETHAL, FREE_SPACE] == costs
     assert [(1, 11)] == [window.shape for window in second.state.changed]
-    assert (False, True) == (second.began_anew, third.began_anew)
+    assert (False, True) == (second.was_restarted, third.was_restarted)
 
 
 @pytest.mark.parametrize(

@@ -49,7 +49,7 @@ class Patrol:
             self.writer.append(list(before))
         self.log = sl.read(path)
         self.how = {"start_at": HALL, "start": "2026-03-23T10:00", "rooms": TARGETS} | how
-        self.round = FollowedRound(begun_round(self.log, **self.how), self.log.opened_anew)
+        self.round = FollowedRound(begun_round(self.log, **self.how), self.log.reopened_log)
         self.event = self.log.last_event()
 
     def tell(self, *events: Event, at_s: float) -> list[RoundStep]:

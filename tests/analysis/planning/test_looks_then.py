@@ -11,9 +11,9 @@ import pytest
 from semmap_log.analysis.planning.door_chances import (
     DAY_S,
     DoorChances,
-    LooksThen,
+    LooksAtHour,
     SkipRule,
-    looks_then,
+    looks_at_hour,
 )
 from semmap_log.analysis.probabilities.evidence.evidence import Evidence
 from semmap_log.core.batches.event_batch import EventBatch
@@ -42,9 +42,9 @@ def seen(*times_h: float, state: DoorState = DoorState.CLOSED) -> Evidence:
     return evidence
 
 
-def at(evidence: Evidence, hour: float) -> LooksThen:
+def at(evidence: Evidence, hour: float) -> LooksAtHour:
     time_ns = MONDAY_NS + round(hour * HOUR_NS)
-    return looks_then(evidence.door(DOOR), LocalClock(TZ), time_ns=time_ns, known_ns=time_ns)
+    return looks_at_hour(evidence.door(DOOR), LocalClock(TZ), time_ns=time_ns, known_ns=time_ns)
 
 
 @pytest.mark.parametrize(
@@ -95,9 +95,9 @@ def test_a_state_that_is_known_counts_by_the_hour() -> None:
 
 def test_the_upper_end_of_jeffreys_interval() -> None:
     """Of five looks that found it shut .306, the 95 % point of Beta(.5, 5.5); without a look 1."""
-    assert LooksThen(0, 0).high == 1.0
-    assert LooksThen(5, 0).high == pytest.approx(0.30575, abs=1e-4)
-    assert LooksThen(10, 10).high > 0.99
+    assert LooksAtHour(0, 0).high == 1.0
+    assert LooksAtHour(5, 0).high == pytest.approx(0.30575, abs=1e-4)
+    assert LooksAtHour(10, 10).high > 0.99
 
 
 def chances(looks: list[tuple[int, int]], unseen_s: list[float]) -> DoorChances:
@@ -106,7 +106,7 @@ def chances(looks: list[tuple[int, int]], unseen_s: list[float]) -> DoorChances:
     low = np.full((count, 1), 0.01)
     return DoorChances(
         low, low, low + 0.05, np.ones(count, np.bool_), np.array(looks),
-        np.array([LooksThen(*each).high for each in looks]), np.array(unseen_s), 300.0,
+        np.array([LooksAtHour(*each).high for each in looks]), np.array(unseen_s), 300.0,
     )  # fmt: skip
 
 

@@ -164,7 +164,7 @@ def test_a_retraction_takes_back_what_had_been_learnt(tmp_path: Path) -> None:
         live.close()
 
     assert [2.5 / 4] == known
-    assert after.began_anew
+    assert after.was_restarted
     assert [0.5 / 4] == after.state.predict(DOOR, times, times).p_open.tolist()
 
 

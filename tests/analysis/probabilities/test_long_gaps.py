@@ -13,7 +13,7 @@ from semmap_log.analysis.probabilities.estimator import LearntModel, StateModel
 from semmap_log.analysis.probabilities.evidence import day_tables as day_tables_module
 from semmap_log.analysis.probabilities.evidence.day_tables import DayRows, day_tables
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
-from semmap_log.analysis.probabilities.methods.effective_days import ToldDays
+from semmap_log.analysis.probabilities.methods.effective_days import EvidenceDays
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.model.local_clock import LocalClock
 from tests.analysis.probabilities.known import DOOR, evidence, hours_ns, random_stretches
@@ -77,7 +77,7 @@ def test_what_is_made_of_evidence_goes_by_the_evidence(years: int) -> None:
 
     for rows, most in zip(sizes(far), sizes(near), strict=True):
         assert rows <= most + day_tables_module.LONGEST_GAP_D
-    assert 24 < len(ToldDays(far, VIENNA).tables) < 24 + day_tables_module.LONGEST_GAP_D
+    assert 24 < len(EvidenceDays(far, VIENNA).tables) < 24 + day_tables_module.LONGEST_GAP_D
 
 
 def test_a_gap_leaves_out_whole_weeks() -> None:

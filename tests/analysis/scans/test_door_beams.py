@@ -10,7 +10,7 @@ import pytest
 from semmap_log.analysis.scans.door_beams import Sights, sights_of
 from semmap_log.analysis.scans.visit import PlacedScan, ScanModel, ScanStack
 
-MODEL = ScanModel(beams=1000, beside_beams=1000)
+MODEL = ScanModel(beams=1000, side_beams=1000)
 """All beams of a door are kept."""
 
 

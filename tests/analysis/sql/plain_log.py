@@ -108,7 +108,7 @@ def doors_of(events: list[Event]) -> dict[int, dict[str, Any]]:
     return found
 
 
-def names_then(events: list[Event]) -> dict[int, str | None]:
+def names_as_of(events: list[Event]) -> dict[int, str | None]:
     """Return for each event what its door was called then, by what is known now."""
     counting = [event for event in events if not event["retracted"]]
     born = lives(counting)

@@ -116,7 +116,7 @@ def test_names_of_then(asked: Asked) -> None:
 
     found = dict(rows(log, "select event, door_name from events"))
 
-    assert plain.names_then(events) == found
+    assert plain.names_as_of(events) == found
 
 
 def test_filters(asked: Asked) -> None:
@@ -125,7 +125,7 @@ def test_filters(asked: Asked) -> None:
     middle = events[len(events) // 2]
     late = us(middle["happened_ns"])
     early = late - 40 * 10**9
-    names = plain.names_then(events)
+    names = plain.names_as_of(events)
     cases: dict[str, Callable[[plain.Event], bool]] = {
         "kind = 'DoorObserved'": lambda e: e["kind"] == "DoorObserved",
         "kind in ('DoorAdded', 'RobotPose')": lambda e: e["kind"] in {"DoorAdded", "RobotPose"},

@@ -14,7 +14,7 @@ from semmap_log.core.arrow.table import HISTORY_COLUMNS
 from semmap_log.core.model.commits import Commit, Note
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorRemoved
-from semmap_log.store.reading.segment_reading import CommitColumns, SaidFinder
+from semmap_log.store.reading.segment_reading import CommitColumns, NoteFinder
 from tests.batches import batch_of
 
 EVENTS = 12
@@ -57,7 +57,7 @@ def test_each_event_has_what_its_own_commit_says(
     commits = [commit(*ends) for ends in pairwise(commit_cuts)]
     mine = {n: c for c in commits for n in range(c.first_event, c.last_event + 1)}
     whole = batch_of([DoorRemoved(door_id=DoorId(1), happened_ns=0)] * EVENTS)
-    finder = SaidFinder(mine.get)
+    finder = NoteFinder(mine.get)
 
     def rows() -> Iterator[tuple[int, str | None, str | None, str, bool]]:
         for first, end in pairwise(batch_cuts):

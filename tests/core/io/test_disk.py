@@ -60,7 +60,7 @@ def test_what_a_killed_writer_left_is_no_log(tmp_path: Path) -> None:
     (tmp_path / ".notes.tmp").touch()
     assert not LogFolder(tmp_path).is_empty()
 
-    LogFolder(tmp_path).remove_leftovers()
+    LogFolder(tmp_path).remove_stale_files()
 
     assert [".lock", ".notes.tmp"] == sorted(path.name for path in tmp_path.iterdir())
 

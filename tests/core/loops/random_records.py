@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from semmap_log.core.messages import OBJECT_KINDS, fixed_layout
 from semmap_log.core.model.events import KINDS
 from semmap_log.store import records as mcap
-from semmap_log.store.form import EventFields
+from semmap_log.store.byte_layout import EventFields
 from semmap_log.store.pages import Page, compiled_scan
 from semmap_log.store.reading.invariants import in_chunks
 from semmap_log.store.record_scan import ChunkDamage, ScannedChunks, ScannedRecords, scan_together

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from semmap_log.core.batches.taken_columns import places_by_kind
+from semmap_log.core.batches.columnar_events import places_by_kind
 from semmap_log.core.loops import compiled
 from semmap_log.core.loops.compiled_loops import CompiledLoops
-from semmap_log.store.record_scan import gather_behind
+from semmap_log.store.record_scan import gather_after
 
 SEEDS = range(200)
 
@@ -44,12 +44,12 @@ def test_structs_are_gathered(turn: Callable[[bool], None]) -> None:
     records, dtype = draw.bytes(500), np.dtype([("id", "<u4"), ("x", "<f8")])
     offsets, places = draw.integers(0, 480, 20), draw.integers(0, 20, 40)
     turn(False)
-    expected = gather_behind(records, offsets, 8, places, dtype)
+    expected = gather_after(records, offsets, 8, places, dtype)
     turn(True)
 
-    assert expected.tobytes() == gather_behind(records, offsets, 8, places, dtype).tobytes()
+    assert expected.tobytes() == gather_after(records, offsets, 8, places, dtype).tobytes()
     with pytest.raises(IndexError):
-        gather_behind(records, np.array([490]), 8, np.array([0]), dtype)
+        gather_after(records, np.array([490]), 8, np.array([0]), dtype)
 
 
 @pytest.mark.parametrize(

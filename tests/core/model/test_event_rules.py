@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import semmap_log.events
-from semmap_log.core.batches.taken_columns import _checks, check_rows, event_of_row
+from semmap_log.core.batches.columnar_events import _checks, check_rows, event_of_row
 from semmap_log.core.messages import OBJECT_KINDS, fixed_layout
 from semmap_log.core.model.doors import LEVEL_NOT_GIVEN, DoorState
 from semmap_log.core.model.events import (

@@ -18,7 +18,7 @@ from semmap_log.core.model.doors import (
     Geometry,
     ObjectClass,
     outline_text,
-    outline_told,
+    parse_outline,
 )
 from semmap_log.core.model.events import ClassDefined
 
@@ -57,7 +57,7 @@ def test_a_state_that_a_class_has_not_is_refused(typed: str) -> None:
 
 @given(st.lists(st.tuples(numbers, numbers), min_size=3, max_size=9))
 def test_an_outline_survives_being_text(corners: list[tuple[float, float]]) -> None:
-    assert tuple(corners) == outline_told(outline_text(corners))
+    assert tuple(corners) == parse_outline(outline_text(corners))
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_an_outline_survives_being_text(corners: list[tuple[float, float]]) -> N
 )
 def test_what_is_no_outline_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="corners, X,Y in metres"):
-        outline_told(text)
+        parse_outline(text)
 
 
 @given(numbers, numbers, st.floats(-7, 7))

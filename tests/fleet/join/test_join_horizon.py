@@ -15,7 +15,7 @@ from semmap_log.analysis.beliefs.door_beliefs import probabilities
 from semmap_log.cli import main
 from semmap_log.core.model.events import RobotPose
 from semmap_log.errors import HorizonError, HorizonWarning
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.trimming.redaction import Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import Thinning
 from semmap_log.log.trimming.trim_log import Retention, trim_log

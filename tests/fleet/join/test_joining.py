@@ -28,7 +28,7 @@ from semmap_log.errors import CorruptLogError, FormatError, LogAccessError, LogE
 from semmap_log.fleet.join import joining_logs
 from semmap_log.fleet.shipping import ship
 from semmap_log.log.door_log.robot_names import robots_of, robots_of_poses
-from semmap_log.log.replay.care import recover, verify
+from semmap_log.log.replay.maintenance import recover, verify
 from semmap_log.store.reading.segment_scan import open_segment
 from tests.fleet.join.some_robots import (
     SECOND_NS,

@@ -25,7 +25,7 @@ from semmap_log.interop.copies.copies_of_log import Action, Copy, plan_copies, t
 from semmap_log.interop.copies.going import Going
 from semmap_log.interop.formats.kept_scans.reading import kept_visits
 from semmap_log.interop.formats.kept_scans.writing import keeping_scans
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.replay.read_model.indexing import index
 from semmap_log.log.trimming.redaction import Notes, Part, Redaction, Tracks
 from semmap_log.store.folder import LogFolder

@@ -18,7 +18,7 @@ from semmap_log.interop.exporting.log_files import export
 from semmap_log.interop.formats.json.door_json import entry_to_json
 from semmap_log.interop.importing.import_plan import Imported
 from semmap_log.interop.importing.importing import import_file
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.replay.replay import Scope
 from semmap_log.store.writing import segment_chain
 from tests.conftest import SteadyClock

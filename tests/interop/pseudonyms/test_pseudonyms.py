@@ -32,7 +32,7 @@ from semmap_log.interop.exporting.log_files import export
 from semmap_log.interop.importing.importing import import_file
 from semmap_log.interop.pseudonyms.pseudonymous_log import pseudonymous
 from semmap_log.interop.pseudonyms.pseudonyms import Pseudonyms
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.replay.replay import Scope
 from semmap_log.log.trimming.repeated_sightings import Thinning
 from semmap_log.log.trimming.trim_log import Retention, trim_log

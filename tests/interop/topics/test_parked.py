@@ -12,7 +12,7 @@ from semmap_log.analysis.beliefs import probabilities
 from semmap_log.analysis.scans.visit import PlacedScan
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded, DoorObserved, RobotPose
-from semmap_log.interop.importing.bag_importing import DoorsThen
+from semmap_log.interop.importing.bag_importing import PlacesOverTime
 from semmap_log.interop.topics.lasers.door_places import DoorsNow
 from semmap_log.interop.topics.lasers.lasers import RobotScan
 from semmap_log.interop.topics.lasers.scan_keeper import DoorsOverTime, LaserSightings, VisitCommit
@@ -89,7 +89,7 @@ def test_what_another_robot_of_the_bag_said_meanwhile_is_gainsaid_at_once(tmp_pa
     other = [replace(scan, robot="two") for scan in standing(0.4, OPEN, from_min=3)]
     scans = sorted([*standing(8), *other], key=lambda scan: scan.stamp_ns)
 
-    told = [(c.visit.robot, c.visit.state.name) for c in _told(DoorsThen(log), scans)]
+    told = [(c.visit.robot, c.visit.state.name) for c in _told(PlacesOverTime(log), scans)]
 
     log.close()
     assert ("", "CLOSED") == told[0] == told[-1]
@@ -105,7 +105,7 @@ def test_what_a_log_or_a_bag_says_meanwhile_is_gainsaid_once(where: str, tmp_pat
         said = [_seen(DoorState.OPEN, 4)]
         if where == "in the log":
             log.append(said)
-        doors = DoorsThen(log, [] if where == "in the log" else said)
+        doors = PlacesOverTime(log, [] if where == "in the log" else said)
 
         assert doors.state(DOOR, said[0].happened_ns or 0, 2000 * 10**9) is None
         assert doors.state(DOOR, 1000 * 10**9, 2000 * 10**9) is DoorState.OPEN
@@ -120,7 +120,7 @@ def test_who_parks_grows_no_surer_and_sees_the_door_change(tmp_path: Path) -> No
     with sl.create(tmp_path / "office", tz="UTC") as log:
         log.append([ADDED])
         scans = [*standing(90), *standing(10, OPEN, from_min=90)]
-        for commit in _told(DoorsThen(log), scans):
+        for commit in _told(PlacesOverTime(log), scans):
             log.append(commit.events, note=commit.note, sync=False)
 
         def p_open(minute: float) -> float:

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.live.planners import asked
 from tests.live.oprs.conftest import StartServer, StartStub
 from tests.live.oprs.line_server import Answer
 from tests.live.oprs.workshop import run_in
@@ -77,7 +76,7 @@ def test_all_that_can_be_asked_is_declared(start_stub: StartStub) -> None:
         )
     }
 
-    for question in asked.QUESTIONS:
+    for question in parsed_questions.QUESTIONS:
         if question.name not in NOT_DECLARED:
             assert (question.name, question.kind.value) in declared
 

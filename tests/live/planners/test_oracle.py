@@ -12,9 +12,9 @@ from steady_clock import SteadyClock
 import semmap_log as sl
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorUpdated, LevelAdded
-from semmap_log.live.planners.asked import BY_NAME, read_words
 from semmap_log.live.planners.door_view import MOST_REMEMBERED
 from semmap_log.live.planners.oracle import Oracle
+from semmap_log.live.planners.parsed_questions import BY_NAME, read_words
 from semmap_log.live.planners.question_lines import Answer
 from tests.live.planners.asker import CLIENT, Asker
 from tests.live.ros.running import wait_until

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from doc_pages import ROOT
 
-from semmap_log.live.planners.asked import BY_NAME, QUESTIONS, QuestionKind, Type, read_words, table
 from semmap_log.live.planners.door_view import STATE_QUESTIONS
 from semmap_log.live.planners.oracle import is_wait
+from semmap_log.live.planners.parsed_questions import (
+    BY_NAME,
+    QUESTIONS,
+    QuestionKind,
+    Type,
+    read_words,
+    table,
+)
 
 THESIS = {
     "DOOR_STATE_KNOWN": ("predicate", "DOOR"),
@@ -63,7 +70,7 @@ def test_actions_are_what_sets_or_removes() -> None:
 
 
 def test_the_guide_has_the_table() -> None:
-    """Else: python -c 'from semmap_log.live.planners.asked import table; print(table())'."""
+    """Else print `semmap_log.live.planners.parsed_questions.table()`."""
     page = (ROOT / "docs" / "guides" / "planners.md").read_text(encoding="utf-8")
 
     assert table() in page

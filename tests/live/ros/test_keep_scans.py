@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.analysis.scans.visit import KeptVisit, folder_beside
+from semmap_log.analysis.scans.visit import KeptVisit, scans_folder
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.events import DoorObserved
 from semmap_log.errors import CommandError, FormatError, OutputError
@@ -91,12 +91,12 @@ def test_what_was_imported_before_can_be_kept_later_and_once(tmp_path: Path, bag
     office = _office(tmp_path / "office")
     with sl.append(office) as log:
         import_file(log, bag, SCANS)
-        assert not folder_beside(office).exists()
+        assert not scans_folder(office).exists()
         import_file(log, bag, SCANS, keep_scans=True)
-        files = sorted(folder_beside(office).iterdir())
+        files = sorted(scans_folder(office).iterdir())
         import_file(log, bag, SCANS, keep_scans=True)
 
-    assert sorted(folder_beside(office).iterdir()) == files
+    assert sorted(scans_folder(office).iterdir()) == files
     assert len(_kept(office)) == 2
     assert len(_states(office)) == 2
 
@@ -115,7 +115,7 @@ def test_an_import_that_is_refused_keeps_nothing(tmp_path: Path, bag: Path) -> N
         with pytest.raises(CommandError, match="no laser is read: name it with --scan"):
             import_file(log, bag, ImportOptions(), keep_scans=True)
 
-    assert not folder_beside(office).exists()
+    assert not scans_folder(office).exists()
 
 
 def test_an_import_that_breaks_off_keeps_nothing(tmp_path: Path) -> None:
@@ -125,7 +125,7 @@ def test_an_import_that_breaks_off_keeps_nothing(tmp_path: Path) -> None:
     write_mcap(tmp_path / "x.mcap", [said for drive in drives for said in drive.said()])
 
     def break_off(_done: int, _all: int) -> None:
-        called.append(folder_beside(office).exists())
+        called.append(scans_folder(office).exists())
         if called[-1]:
             raise KeyboardInterrupt
 
@@ -133,7 +133,7 @@ def test_an_import_that_breaks_off_keeps_nothing(tmp_path: Path) -> None:
         import_file(log, tmp_path / "x.mcap", SCANS, keep_scans=True, progress=break_off)
 
     assert called[-1]
-    assert not folder_beside(office).exists()
+    assert not scans_folder(office).exists()
 
 
 def test_a_recorder_goes_on_where_nothing_more_can_be_kept(

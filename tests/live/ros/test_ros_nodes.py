@@ -44,7 +44,7 @@ def add(goal):
     time.sleep(goal.values["pos_x"])
     with others:
         running -= 1
-    said = [goal.action, goal.goal_id.hex(), goal.said_id, goal.caller, dict(goal.values)]
+    said = [goal.action, goal.goal_id.hex(), goal.raw_goal_id, goal.caller, dict(goal.values)]
     print(json.dumps(said), flush=True)
     if goal.values["width"] < 0:
         return Outcome(False, {"door_id": 0}, "width: expected a width, got a gap.")
@@ -148,10 +148,10 @@ def test_a_goal_says_who_sent_it_and_has_an_id(ros: RosWorld, server: Running) -
 
     server.wait_for(same)
     goals = [json.loads(line) for line in server.output.splitlines() if same in line]
-    (action, goal_id, said_id, caller, values) = goals[-1]
+    (action, goal_id, raw_goal_id, caller, values) = goals[-1]
     assert ("AddDoor", "/robot1/asker", 0.5) == (action, caller, values["width"])
     assert (same if ros.version == 2 else 32) == (goal_id if ros.version == 2 else len(goal_id))
-    assert same == said_id
+    assert same == raw_goal_id
 
 
 def test_a_goal_that_is_sent_again_at_once_is_answered_again(
@@ -324,7 +324,7 @@ class Late:
 node, ran = open_node(2, "late"), []
 
 def add(goal):
-    ran.append(goal.said_id)
+    ran.append(goal.raw_goal_id)
     return Outcome(True, {"door_id": len(ran)})
 
 node.serve_action("AddDoor", "/robot1/late", add)

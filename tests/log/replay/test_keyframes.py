@@ -11,7 +11,7 @@ from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorAdded, Retracted
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from tests.log.replay.test_state import START_NS, sightings, tiny_steps
 
 

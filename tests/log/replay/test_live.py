@@ -47,7 +47,7 @@ def _observe(path: Path, times: int = 1) -> None:
 
 def _now(path: Path, checkpoint: Path | None = None) -> list[tuple[list[int], int, bool]]:
     live = sl.read(path).fold_live(Numbers(), checkpoint=checkpoint, poll_s=0, stop=lambda: True)
-    return [(list(now.state), now.event, now.began_anew) for now in live]
+    return [(list(now.state), now.event, now.was_restarted) for now in live]
 
 
 def test_the_state_of_now_comes_at_once(path: Path, tmp_path: Path) -> None:
@@ -82,7 +82,7 @@ def test_a_retraction_begins_anew(path: Path, tmp_path: Path) -> None:
     live.close()
 
     assert [0, 1] == first.state
-    assert ([0, 2], 2, True) == (second.state, second.event, second.began_anew)
+    assert ([0, 2], 2, True) == (second.state, second.event, second.was_restarted)
     assert [([0, 2], 2, False)] == _now(path, tmp_path / "checkpoint")
 
 
@@ -99,7 +99,7 @@ def test_a_redaction_begins_anew(path: Path, tmp_path: Path) -> None:
     trim_log(path, Redaction.of(reader, [Annotation(1, "owner")], reader.last_event() + 1))
 
     now = next(live)
-    assert ([], True) == (now.state, now.began_anew)
+    assert ([], True) == (now.state, now.was_restarted)
     live.close()  # type: ignore[attr-defined]
     assert b"Zoe" not in checkpoint.read_bytes()
 
@@ -115,7 +115,7 @@ def test_rolls_and_compactions_are_nothing_new(path: Path, monkeypatch: pytest.M
         now = next(live)
 
     assert list(range(26)) == now.state
-    assert not now.began_anew
+    assert not now.was_restarted
 
 
 def test_the_checkpoint_is_saved_when_the_loop_is_left(path: Path, tmp_path: Path) -> None:
@@ -223,7 +223,7 @@ live = sl.read(sys.argv[1]).fold_live(
     Numbers(), checkpoint=sys.argv[2], save_every_s=0, poll_s=0.001
 )
 for now in live:
-    print(now.event, len(now.state), int(now.began_anew), flush=True)
+    print(now.event, len(now.state), int(now.was_restarted), flush=True)
 """
 
 

@@ -27,7 +27,7 @@ from semmap_log.cli import main
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.events import DoorEvent, DoorObserved, RobotPose
 from semmap_log.errors import CommandError, LogAccessError, LogLockedError, OutputError
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.replay.read_model import events_about
 from semmap_log.log.replay.read_model.indexing import index
 from semmap_log.store.compaction import compact
@@ -516,7 +516,7 @@ def test_an_index_that_nobody_may_read() -> None:
     program = """
 import os, sys, semmap_log as sl
 from pathlib import Path
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 def told():
     log = sl.read(sys.argv[1])
     found = [finding.kind for finding in verify(Path(sys.argv[1])).findings]

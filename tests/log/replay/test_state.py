@@ -32,9 +32,9 @@ from semmap_log.log.replay import keyframes, state, written_state
 from semmap_log.log.replay.keyframes import encode
 from semmap_log.log.replay.state import state_at
 from semmap_log.store import commit_records as commits
+from semmap_log.store.byte_layout import CHUNK_BYTES, KEYFRAME_EVERY_BYTES
 from semmap_log.store.chunks import StoredChunk
 from semmap_log.store.compaction import compact, merge
-from semmap_log.store.form import CHUNK_BYTES, KEYFRAME_EVERY_BYTES
 from semmap_log.store.pages import KEYFRAME_BIT
 from semmap_log.store.reading import segment_reading
 from semmap_log.store.reading.chunk_table import ChunkTable

@@ -9,10 +9,10 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.core.model.events import RobotPose
-from semmap_log.log.replay.care import copy
+from semmap_log.log.replay.maintenance import copy
+from semmap_log.log.signing.background_signer import BackgroundSigner
 from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.log_signing import check_before_trimming, sign
-from semmap_log.log.signing.sign_beside import SignBeside
 from semmap_log.log.signing.signature_folder import stamp_newest, token_file
 from semmap_log.log.signing.signed_log import verify_signed
 from semmap_log.log.signing.statement import HEADS, TRIMMING, PublicKey
@@ -186,7 +186,7 @@ def test_a_statement_at_a_live_end_that_has_a_time_stamp_is_missed(
     """
     It is kept, so the next one names it; without a time stamp it gives way.
     """
-    with SignBeside(office, robot) as signer, sl.append(office, signer=signer) as log:
+    with BackgroundSigner(office, robot) as signer, sl.append(office, signer=signer) as log:
         signer._marks = signer._last_mark()
         log.observe("front", "open")
         signer._look(is_last=False)

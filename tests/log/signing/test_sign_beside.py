@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.log.signing import sign_beside
+from semmap_log.log.signing import background_signer
+from semmap_log.log.signing.background_signer import BackgroundSigner
 from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.log_signing import sign
-from semmap_log.log.signing.sign_beside import SignBeside
 from semmap_log.store.writing import segment_chain
 from tests.live.ros.running import wait_until
 from tests.log.signing.signed_logs import a_key, believed, checked, forget, is_good, statements
@@ -39,10 +39,10 @@ def recording(
     adopt: bool = False,
     tell: Callable[[str], None] = lambda _: None,
     durability: str = "event",
-) -> Iterator[tuple[SignBeside, sl.DoorLogWriter]]:
+) -> Iterator[tuple[BackgroundSigner, sl.DoorLogWriter]]:
     """Hand out what signs a log, and its writer."""
     with (
-        SignBeside(office, key, tell=tell, every_s=every_s, adopt=adopt) as signer,
+        BackgroundSigner(office, key, tell=tell, every_s=every_s, adopt=adopt) as signer,
         sl.append(office, signer=signer, durability=durability) as log,
     ):
         yield signer, log
@@ -207,9 +207,9 @@ def test_the_end_does_not_wait_for_ever(
         raise OSError("late")
 
     with monkeypatch.context() as patch:
-        patch.setattr(sign_beside, "read_for_signing", stuck)
+        patch.setattr(background_signer, "read_for_signing", stuck)
         with (
-            SignBeside(office, key, every_s=0.01, end_s=0.05) as signer,
+            BackgroundSigner(office, key, every_s=0.01, end_s=0.05) as signer,
             sl.append(office, signer=signer) as log,
         ):
             observe(log, 3)
@@ -223,7 +223,7 @@ def test_the_end_does_not_wait_for_ever(
 
 def test_a_writer_that_is_opened_again_is_followed(office: Path, key: SigningKey) -> None:
     """As a server does when a write has failed."""
-    with SignBeside(office, key, every_s=0.02) as signer:
+    with BackgroundSigner(office, key, every_s=0.02) as signer:
         for _ in range(3):
             with sl.append(office, signer=signer) as log:
                 observe(log, 4)
@@ -235,7 +235,7 @@ def test_a_writer_that_is_opened_again_is_followed(office: Path, key: SigningKey
 
 def test_a_new_log_is_signed_from_its_first_event(tmp_path: Path, key: SigningKey) -> None:
     path = tmp_path / "new"
-    with SignBeside(path, key) as signer, sl.create(path, tz="UTC", signer=signer) as log:
+    with BackgroundSigner(path, key) as signer, sl.create(path, tz="UTC", signer=signer) as log:
         log.add_door(name="front")
     assert signer.is_all_signed
     assert is_good(path, key)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
-from semmap_log.log.replay.care import recover, verify
+from semmap_log.log.replay.maintenance import recover, verify
 from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.log_signing import sign
 from semmap_log.log.signing.signed_log import verify_signed

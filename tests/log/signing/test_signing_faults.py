@@ -16,7 +16,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.errors import LogError, OutputError, SigningError
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.log_signing import sign
 from semmap_log.log.signing.signature_folder import BadSignature, read_all

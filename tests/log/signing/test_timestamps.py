@@ -14,8 +14,8 @@ from rich.console import Console
 import semmap_log as sl
 from semmap_log.errors import SigningError
 from semmap_log.log.signing import signature_folder
+from semmap_log.log.signing.background_signer import BackgroundSigner
 from semmap_log.log.signing.ed25519_sdk import SigningKey
-from semmap_log.log.signing.sign_beside import SignBeside
 from semmap_log.log.signing.signature_folder import signed_in, stamp_newest, token_file
 from semmap_log.log.signing.timestamp_token import MOST_BYTES, query, stamped_time
 from semmap_log.views.health import signed_verification_report
@@ -110,7 +110,7 @@ def test_a_statement_at_a_live_end_keeps_its_time_stamp(
 ) -> None:
     """Others that a recorder has made between give way to the next."""
     sign(log, key)
-    with SignBeside(log, key, every_s=60) as signer, sl.append(log, signer=signer) as opened:
+    with BackgroundSigner(log, key, every_s=60) as signer, sl.append(log, signer=signer) as opened:
         signer._marks = signer._last_mark()
         opened.observe("front", "open")
         signer._look(is_last=False)

@@ -11,10 +11,10 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.core.model.moments import format_utc
-from semmap_log.log.replay.care import recover, verify
+from semmap_log.log.replay.maintenance import recover, verify
+from semmap_log.log.signing.background_signer import BackgroundSigner
 from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.log_signing import check_before_trimming, sign
-from semmap_log.log.signing.sign_beside import SignBeside
 from semmap_log.log.signing.signed_log import verify_signed
 from semmap_log.log.signing.statement import (
     HEADS,
@@ -87,7 +87,7 @@ def test_what_an_officer_has_taken_out_is_vouched_for(
     sign(office, officer, trimmed=True)
     assert (0, set()) == wrong(office, key, officer)
     sign(office, key)
-    with SignBeside(office, key) as signer, sl.append(office, signer=signer) as log:
+    with BackgroundSigner(office, key) as signer, sl.append(office, signer=signer) as log:
         log.observe(1, "open")
     assert signer.is_all_signed
     compact(office, merge=True, keep_s=0)

@@ -15,7 +15,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.analysis.beliefs.door_beliefs import probabilities
 from semmap_log.errors import LogLockedError
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.replay.read_model.indexing import index
 from semmap_log.log.trimming.repeated_sightings import Thinning
 from semmap_log.log.trimming.trim_log import Retention, TrimRule, trim_log

@@ -14,7 +14,7 @@ from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.events import DoorAnnotated, DoorObserved, Event, RobotPose
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.replay import written_state
-from semmap_log.log.replay.care import recover, verify
+from semmap_log.log.replay.maintenance import recover, verify
 from semmap_log.log.trimming.redaction import Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import Thinning
 from semmap_log.log.trimming.trim_log import Retention, trim_log
@@ -22,7 +22,7 @@ from semmap_log.store import commit_records
 from semmap_log.store.compaction import merge
 from semmap_log.store.pages import KEYFRAME_BIT
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.trimming.records_left import RecordsLeft
+from semmap_log.store.trimming.remaining_records import RemainingRecords
 from tests.log.trimming.logs import SECOND_NS, START_NS, MinuteClock, answers
 from tests.store.trimming.plain_chain import read_plainly
 
@@ -179,7 +179,7 @@ def break_as_version_0_1_did(log: Path, horizon: int, monkeypatch: pytest.Monkey
     rule.horizon = horizon
     with monkeypatch.context() as patch:
         patch.setattr("semmap_log.log.trimming.trim_log.check_copy", lambda _log, _copy: None)
-        patch.setattr(RecordsLeft, "_next_number", _number_before_the_horizon)
+        patch.setattr(RemainingRecords, "_next_number", _number_before_the_horizon)
         with pytest.raises(CorruptLogError):
             trim_log(log, rule)
 

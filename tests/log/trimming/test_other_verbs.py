@@ -26,7 +26,7 @@ from semmap_log.core.model.events import (
 from semmap_log.errors import LogError
 from semmap_log.fleet.fetching import fetch
 from semmap_log.fleet.shipping import ship, shipped_before
-from semmap_log.log.replay.care import copy, recover, verify
+from semmap_log.log.replay.maintenance import copy, recover, verify
 from semmap_log.log.replay.read_model.indexing import index
 from semmap_log.log.trimming.redaction import Annotation, Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import Thinning

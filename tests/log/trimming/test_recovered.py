@@ -11,12 +11,12 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.core.model.doors import DoorId
-from semmap_log.log.replay.care import copy, recover, recover_into, verify
+from semmap_log.log.replay.maintenance import copy, recover, recover_into, verify
 from semmap_log.log.trimming.trim_log import trim_log
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.salvage import Loss
-from semmap_log.store.trimming import records_left
+from semmap_log.store.repairing import Loss
+from semmap_log.store.trimming import remaining_records
 from tests.log.trimming.logs import MinuteClock
 from tests.log.trimming.test_sent_again import (
     RULES,
@@ -87,7 +87,7 @@ def test_commands_are_known_wherever_the_damage_was(
     log: Path, first: Answers, monkeypatch: pytest.MonkeyPatch, kinds: str
 ) -> None:
     """But for those that were lost; each chunk holds one commit, or what stands for some."""
-    monkeypatch.setattr(records_left, "CHUNK_BYTES", 1)
+    monkeypatch.setattr(remaining_records, "CHUNK_BYTES", 1)
     trim(log, kinds)
     known = [check_recovered(log, first, damage, i) for i, damage in enumerate(damages(log))]
     assert sum(known) > 10
@@ -99,7 +99,7 @@ def test_commands_are_known_after_a_recovery(
     log: Path, first: Answers, monkeypatch: pytest.MonkeyPatch, kinds: str, place: int
 ) -> None:
     """A flipped byte in the head of a trimmed segment, in two of its chunks, and in a later one."""
-    monkeypatch.setattr(records_left, "CHUNK_BYTES", 1)
+    monkeypatch.setattr(remaining_records, "CHUNK_BYTES", 1)
     trim(log, kinds)
     check_recovered(log, first, list(damages(log))[place], place)
 

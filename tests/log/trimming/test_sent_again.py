@@ -16,14 +16,14 @@ from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.events import DoorAnnotated, DoorObserved, DoorUpdated, Event, RobotPose
 from semmap_log.core.model.meaning import Changed
 from semmap_log.errors import CommandReusedError
-from semmap_log.log.replay.care import copy, verify
+from semmap_log.log.replay.maintenance import copy, verify
 from semmap_log.log.trimming.redaction import Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import Thinning
 from semmap_log.log.trimming.trim_log import Retention, TrimRule, trim_log
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.tombstones import tombstones
-from semmap_log.store.trimming import records_left
+from semmap_log.store.trimming import remaining_records
 from semmap_log.store.writing import segment_chain
 from tests.log.trimming.logs import MinuteClock
 from tests.store.trimming.plain_chain import read_plainly
@@ -180,11 +180,11 @@ def test_many_commands_take_several_tombstones(
     log: Path, first: Answers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """None becomes larger than a chunk should be."""
-    monkeypatch.setattr(records_left, "MOST_COMMANDS", 3)
+    monkeypatch.setattr(remaining_records, "MOST_COMMANDS", 3)
 
     trim_log(log, RULES["thin"](LogReader(log)))
     check_known(log, first)
-    monkeypatch.setattr(records_left, "MOST_COMMANDS", 5)
+    monkeypatch.setattr(remaining_records, "MOST_COMMANDS", 5)
     with sl.append(log, compact=False) as opened:
         opened.observe(1, "closed")
     trim_log(log, RULES["keep"](LogReader(log)))
@@ -198,7 +198,7 @@ def test_commands_of_a_log_that_an_earlier_version_trimmed(
 ) -> None:
     """Of commits that lack records it kept no seal: their ids stand, whatever they asked for."""
     with monkeypatch.context() as patch:
-        patch.setattr(records_left._OpenCommit, "seal", lambda _commit, _said: bytes(32))
+        patch.setattr(remaining_records._OpenCommit, "seal", lambda _commit, _said: bytes(32))
         trim_log(log, RULES["tracks"](LogReader(log)))
     whole = [i for i, (events, _) in enumerate(commands()) if len(events) > 1]
 

@@ -11,7 +11,7 @@ import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.core.model.events import HistoryTrimmed, MomentPinned, RobotPose
 from semmap_log.errors import HorizonError
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.replay.read_model.indexing import index
 from semmap_log.log.trimming.redaction import Annotation, Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import Thinning

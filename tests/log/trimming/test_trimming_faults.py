@@ -16,7 +16,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.analysis.probabilities.evidence.evidence import Evidence
 from semmap_log.errors import SemmapError
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.trimming.repeated_sightings import HOUR_NS, Thinning
 from semmap_log.log.trimming.trim_log import Retention, TrimRule, trim_log
 from semmap_log.store.reading.reader import LogReader

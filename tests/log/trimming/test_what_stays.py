@@ -12,13 +12,13 @@ from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.model.events import DoorObserved, SightingsThinned
 from semmap_log.errors import CorruptLogError
 from semmap_log.log.replay import written_state
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.trimming import repeated_sightings
 from semmap_log.log.trimming.redaction import Annotation, Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import HOUR_NS, Thinning
 from semmap_log.log.trimming.trim_log import Retention, trim_log
+from semmap_log.store.byte_layout import LOCK_NAME
 from semmap_log.store.compaction import compact, merge
-from semmap_log.store.form import LOCK_NAME
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.trimming import trimming
 from semmap_log.store.writing import segment_chain

@@ -115,7 +115,7 @@ def test_close_finishes_what_is_under_way_and_drops_the_rest(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The first is done, the two that wait stay as they are, the thread is gone."""
-    files, (ready, go_on) = segment_files(log), _held_before_the_swap(monkeypatch)
+    files, (ready, proceed) = segment_files(log), _held_before_the_swap(monkeypatch)
     for path in files:
         compactor.add(path.name)
     assert ready.wait(100)
@@ -123,7 +123,7 @@ def test_close_finishes_what_is_under_way_and_drops_the_rest(
     closing = threading.Thread(target=compactor.close)
     closing.start()
     wait_until(lambda: compactor._closing)
-    go_on.set()
+    proceed.set()
     closing.join(100)
 
     assert not closing.is_alive()
@@ -167,7 +167,7 @@ def test_an_interrupted_close_replaces_nothing_afterwards(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Ctrl-C while `close` waits: the lock will be let go, so the segment must stay as it is."""
-    (path, *_), (ready, go_on) = segment_files(log), _held_before_the_swap(monkeypatch)
+    (path, *_), (ready, proceed) = segment_files(log), _held_before_the_swap(monkeypatch)
     before = path.read_bytes()
     compactor.add(path.name)
     assert ready.wait(100)
@@ -180,7 +180,7 @@ def test_an_interrupted_close_replaces_nothing_afterwards(
 
     with pytest.raises(KeyboardInterrupt):
         compactor.close()
-    go_on.set()
+    proceed.set()
     wait_until(compactor._ended.is_set)
 
     assert [] == installed.calls
@@ -192,18 +192,18 @@ def _held_before_the_swap(
     monkeypatch: pytest.MonkeyPatch,
 ) -> tuple[threading.Event, threading.Event]:
     """Return what is set when a copy is whole and compared, and what lets it go on."""
-    ready, go_on = threading.Event(), threading.Event()
+    ready, proceed = threading.Event(), threading.Event()
 
     def held_up(folder: LogFolder, name: str, *, pause: Any, install: Any) -> bool:
         def late(copy: SegmentWriter, replaced: Segment) -> None:
             ready.set()
-            assert go_on.wait(100)
+            assert proceed.wait(100)
             install(copy, replaced)
 
         return compact_segment(folder, name, pause=pause, install=late)
 
     monkeypatch.setattr(background, "compact_segment", held_up)
-    return ready, go_on
+    return ready, proceed
 
 
 def test_an_append_does_not_wait(
@@ -333,14 +333,14 @@ def test_abandoned_before_the_swap(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The compared copy is thrown away, since the lock may be gone."""
-    (path, *_), (ready, go_on) = segment_files(log), _held_before_the_swap(monkeypatch)
+    (path, *_), (ready, proceed) = segment_files(log), _held_before_the_swap(monkeypatch)
     before = path.read_bytes()
     compactor.add(path.name)
     assert ready.wait(100)
     closing = threading.Thread(target=compactor.close, kwargs={"wait": False})
     closing.start()
     wait_until(compactor._abandoned.is_set)
-    go_on.set()
+    proceed.set()
     closing.join()
 
     assert [] == installed.calls

@@ -15,16 +15,16 @@ import pytest
 import semmap_log as sl
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
-from semmap_log.store.chunks import BuiltChunk, build_chunk
-from semmap_log.store.compaction import compact, compact_segment, merge
-from semmap_log.store.compaction.merge import needs_compaction, rechunked
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     CHUNK_BYTES,
     COMMIT_CHANNEL,
     KEYFRAME_CHANNEL,
     KEYFRAME_EVERY_BYTES,
 )
+from semmap_log.store.chunks import BuiltChunk, build_chunk
+from semmap_log.store.compaction import compact, compact_segment, merge
+from semmap_log.store.compaction.merge import needs_compaction, rechunked
+from semmap_log.store.folder import LogFolder
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.segment_reading import last_commit, page_at
 from semmap_log.store.reading.segment_scan import open_segment

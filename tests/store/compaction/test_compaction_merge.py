@@ -14,9 +14,9 @@ import yaml
 import semmap_log as sl
 from semmap_log.core.model.events import Event
 from semmap_log.errors import CorruptLogError, LogAccessError, LogLockedError
+from semmap_log.store.byte_layout import KEYFRAME_CHANNEL
 from semmap_log.store.compaction import Compacted, compact, merge, plan_compaction
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import KEYFRAME_CHANNEL
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import page_at
 from semmap_log.store.reading.segment_scan import open_segment
@@ -118,7 +118,7 @@ def test_the_live_segment_is_not_touched(log: Path) -> None:
     """A log whose writer was killed: what is closed is merged, what is live waits for a writer."""
     live = segment_files(log)[-1]
     data = open_segment(live)
-    live.write_bytes(bytes(data.source.read(0, data.whole_end)))
+    live.write_bytes(bytes(data.source.read(0, data.valid_end)))
     before, live_bytes = answers(log), live.read_bytes()
 
     compact(log)

@@ -14,7 +14,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.core.model.doors import DoorId
 from semmap_log.errors import CorruptLogError
-from semmap_log.log.replay.care import recover, verify
+from semmap_log.log.replay.maintenance import recover, verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.verification import Severity

@@ -18,7 +18,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.errors import CorruptLogError, LogError, LogExistsError, LogLockedError, OutputError
-from semmap_log.log.replay.care import copy, verify
+from semmap_log.log.replay.maintenance import copy, verify
 from semmap_log.store.compaction import compact
 from semmap_log.store.writing import segment_chain
 from tests.marks import marks

@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from semmap_log.errors import LogAccessError, NotALogError
+from semmap_log.store.byte_layout import BAG_METADATA_NAME
 from semmap_log.store.closed_mark import ClosedMark, read_mark
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import BAG_METADATA_NAME
 from semmap_log.store.reading.segment_set import Listing
 
 PATTERN = 0xA5

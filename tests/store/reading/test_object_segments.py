@@ -15,7 +15,7 @@ from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.core.model.events import DoorObserved
 from semmap_log.errors import LogAccessError, LogError, NotALogError
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.removed_source import ObjectSegments
 from tests.bucket import NAME, put_folder, served_bucket

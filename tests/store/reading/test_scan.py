@@ -18,9 +18,9 @@ from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorAnnotated, DoorObserved, Event
 from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
+from semmap_log.store.byte_layout import NO_HASH
 from semmap_log.store.commit_records import CommitBuilder, Stamp
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import NO_HASH
 from semmap_log.store.header import LogInfo, SegmentHeader
 from semmap_log.store.reading import live_scan
 from semmap_log.store.reading.resync import whole_chunks
@@ -103,7 +103,7 @@ def test_a_live_segment_reads_whole(path: Path) -> None:
 
     assert 20_102 == _events(segment)
     assert ("", 0, False) == (segment.problem, segment.torn_bytes, segment.closed)
-    assert segment.size == segment.whole_end
+    assert segment.size == segment.valid_end
 
 
 @pytest.mark.parametrize(
@@ -140,7 +140,7 @@ def test_a_bad_place_that_nobody_called_durable_is_a_torn_tail(path: Path) -> No
     segment = open_segment(path)
 
     assert 1 == _events(segment)
-    assert chunk.offset == segment.whole_end
+    assert chunk.offset == segment.valid_end
     assert segment.size - chunk.offset == segment.torn_bytes
     assert "its CRC says" in segment.problem
 

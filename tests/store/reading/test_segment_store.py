@@ -12,8 +12,8 @@ import semmap_log as sl
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorAdded
 from semmap_log.errors import CorruptLogError, LogError
+from semmap_log.store.byte_layout import CHUNK_BYTES
 from semmap_log.store.compaction import compact
-from semmap_log.store.form import CHUNK_BYTES
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
 from tests.batches import batch_of

@@ -16,14 +16,14 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.core.model.events import Retracted
 from semmap_log.errors import LogAccessError, LogError, LogExistsError, LogLockedError
-from semmap_log.log.replay.care import plan_recovery, recover, recover_into, verify
+from semmap_log.log.replay.maintenance import plan_recovery, recover, recover_into, verify
+from semmap_log.store.byte_layout import RECOVERING_NAME
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import RECOVERING_NAME
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.segment_scan import open_segment
-from semmap_log.store.salvage import recovering
-from semmap_log.store.salvage.recovering import ACTOR
-from semmap_log.store.salvage.rewriting import Renumbering
+from semmap_log.store.repairing import recovering
+from semmap_log.store.repairing.recovering import ACTOR
+from semmap_log.store.repairing.rewriting import Renumbering
 from tests.store.eventful import contents, eventful_log, flip
 
 
@@ -393,8 +393,8 @@ for name in ("replace", "rename", "link", "unlink", "mkdir", "rmdir", "fsync"):
     setattr(os, name, before(getattr(os, name)))
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.salvage import recovering
-from semmap_log.log.replay.care import recover
+from semmap_log.store.repairing import recovering
+from semmap_log.log.replay.maintenance import recover
 recovering._exchange = before(recovering._exchange)
 recover(pathlib.Path({str(log)!r}))
 """

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.store.verification import file_place, pieces
 from semmap_log.store.verification.file_place import DiskFile, FileBytes, Vanished
 from tests.store.eventful import eventful_log

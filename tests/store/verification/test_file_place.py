@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from semmap_log.errors import LogAccessError, LogError
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.store.verification.file_place import DiskPlace
 from tests.store.eventful import eventful_log
 from tests.store.reading.far_segments import FarFile, FarPlace

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from mcap.opcode import Opcode
 
 import semmap_log as sl
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.store import records as mcap
+from semmap_log.store.byte_layout import KEYFRAME_CHANNEL
 from semmap_log.store.chunks import build_chunk
 from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import KEYFRAME_CHANNEL
 from semmap_log.store.pages import KEYFRAME_BIT
 from semmap_log.store.reading.segment_reading import read_chunk
 from semmap_log.store.reading.segment_scan import open_segment
@@ -134,7 +134,7 @@ def test_a_closing_that_was_not_finished_is_a_torn_tail(log: Path) -> None:
     """Of a single file cut in its summary, or with lost sectors there."""
     file = segment(log, 2)
     whole = file.read_bytes()
-    end = open_segment(file).whole_end
+    end = open_segment(file).valid_end
     for size in range(end + 1, len(whole) - 1, 97):
         file.write_bytes(whole[:size])
         assert (3, "torn") == (verify(file).exit_code, worst(verify(file)).kind), size

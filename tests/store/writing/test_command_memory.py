@@ -18,7 +18,7 @@ import semmap_log as sl
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded, DoorObserved, Event
 from semmap_log.errors import CommandReusedError, CorruptLogError
-from semmap_log.log.replay.care import recover
+from semmap_log.log.replay.maintenance import recover
 from semmap_log.store import command_index
 from semmap_log.store.command_index import fingerprint
 from semmap_log.store.compaction import compact

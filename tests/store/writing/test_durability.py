@@ -187,12 +187,12 @@ def test_one_sync_serves_all_who_wait(tmp_path: Path) -> None:
         live = log._writer._chain.live
         assert live is not None
         syncs = []
-        first_is_in, go_on, real = threading.Event(), threading.Event(), live.sync
+        first_is_in, proceed, real = threading.Event(), threading.Event(), live.sync
 
         def slow() -> None:
             syncs.append(log._writer.next_event)
             first_is_in.set()
-            go_on.wait(100)
+            proceed.wait(100)
             real()
 
         live.sync = slow  # type: ignore[method-assign]  # the real sync, only later
@@ -203,7 +203,7 @@ def test_one_sync_serves_all_who_wait(tmp_path: Path) -> None:
             thread.start()
         while log._writer.next_event < 10:
             time.sleep(0.001)
-        go_on.set()
+        proceed.set()
         for thread in threads:
             thread.join(100)
 
@@ -348,7 +348,7 @@ def test_an_interrupt_between_two_segments_leaves_a_writer_that_refuses(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(log._writer._chain, "_tell_closed", interrupted)
+        patch.setattr(log._writer._chain, "_report_closed", interrupted)
         with pytest.raises(KeyboardInterrupt):
             log.observe(door, "open")
     with pytest.raises(LogPoisonedError):

@@ -16,7 +16,7 @@ import semmap_log as sl
 from semmap_log.core.batches.event_batch import RecordedEvent
 from semmap_log.core.model.events import DoorAnnotated
 from semmap_log.errors import LogPoisonedError
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.store.writing import segment_chain
 from semmap_log.store.writing.durability import BatchTimer
 
@@ -100,13 +100,13 @@ def test_a_sync_waits_for_who_is_writing_what_was_held_back(
     door = log.add_door()
     log.sync()
     appended = log.annotate(door, "first", SHORT)
-    in_write, go_on, calls = threading.Event(), threading.Event(), []
+    in_write, proceed, calls = threading.Event(), threading.Event(), []
     write, sync = os.write, os.fdatasync
 
     def slow_write(fd: int, data: bytes) -> int:
         if SHORT.encode() in data and not in_write.is_set():
             in_write.set()
-            assert go_on.wait(100)
+            assert proceed.wait(100)
         calls.append("write")
         return write(fd, data)
 
@@ -124,7 +124,7 @@ def test_a_sync_waits_for_who_is_writing_what_was_held_back(
     waiting.start()
     waiting.join(0.05)
     is_waiting, called = waiting.is_alive(), list(calls)
-    go_on.set()
+    proceed.set()
     for thread in (writing, waiting):
         thread.join(100)
     log.close()

@@ -140,7 +140,7 @@ def test_the_chain_of_hashes_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     """Each commit's hash follows from its records and the hash before, over all segments."""
     import hashlib
 
-    from semmap_log.store.form import COMMIT_CHANNEL, KEYFRAME_CHANNEL
+    from semmap_log.store.byte_layout import COMMIT_CHANNEL, KEYFRAME_CHANNEL
 
     monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 3)
     path = tmp_path / "log"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semmap_log.views.plots.proposed_doors import BESIDE_M, Floats, extent_of
+from semmap_log.views.plots.proposed_doors import AROUND_EDGE_M, Floats, extent_of
 
 ROOM = np.stack(np.meshgrid(np.linspace(0, 10, 50), np.linspace(0, 6, 40)), axis=-1).reshape(-1, 2)
 
@@ -16,7 +16,9 @@ def test_a_building_fills_its_picture_though_some_beams_went_far() -> None:
 
     shown = extent_of(np.concatenate([ROOM, far]), None, [])
 
-    np.testing.assert_allclose(shown, [[-BESIDE_M] * 2, [10 + BESIDE_M, 6 + BESIDE_M]], atol=0.2)
+    np.testing.assert_allclose(
+        shown, [[-AROUND_EDGE_M] * 2, [10 + AROUND_EDGE_M, 6 + AROUND_EDGE_M]], atol=0.2
+    )
 
 
 @pytest.mark.parametrize("walls", [None, np.array([[-5.0, 2.0], [3.0, 9.0]])])

@@ -96,10 +96,10 @@ def test_between_its_points_the_line_is_right(log: sl.DoorLog, drawn: Drawn) -> 
     times_ns, shown = (np.array([row[i] for row in rows]).ravel() for i in (0, 1))
 
     added_ns = log.event(0).happened_ns
-    asked_ns = times_of_curve(beliefs.evidence.door(FRONT), added_ns, log.end_ns())
+    requested_ns = times_of_curve(beliefs.evidence.door(FRONT), added_ns, log.end_ns())
 
-    said = beliefs.predict(FRONT, asked_ns, asked_ns)
-    line = np.interp(asked_ns - added_ns, times_ns.astype(np.int64) - added_ns, shown)
+    said = beliefs.predict(FRONT, requested_ns, requested_ns)
+    line = np.interp(requested_ns - added_ns, times_ns.astype(np.int64) - added_ns, shown)
     known = said.is_known & np.isfinite(line)
     assert known.sum() > 100
     assert np.abs(line - said.p_open)[known].max() <= TOLERANCE + 1e-6

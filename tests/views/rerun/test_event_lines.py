@@ -34,7 +34,7 @@ from semmap_log.core.model.events import (
     RobotPose,
     SightingsThinned,
 )
-from semmap_log.views.event_words import state_told_by, words_of
+from semmap_log.views.event_words import reported_state, words_of
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.rerun.contents import find_scene
 from semmap_log.views.rerun.drawable import EventLine, EventLines
@@ -88,7 +88,7 @@ SAID: list[tuple[Event, str, DoorState | None]] = [
 def test_every_kind_has_its_words(event: Event, words: str, state: DoorState | None) -> None:
     """What happened, in a few words; and which state it gives to the door."""
     assert words == words_of(event)
-    assert state == state_told_by(event)
+    assert state == reported_state(event)
 
 
 def test_no_kind_is_forgotten() -> None:

@@ -21,7 +21,7 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.views.rerun import scene
 from semmap_log.views.rerun.recording import save_rrd
-from semmap_log.views.rerun.scene import LeftOut, telling_poses
+from semmap_log.views.rerun.scene import LeftOut, drawn_poses
 from tests.conftest import SteadyClock
 from tests.views.rerun.some_logs import SECOND, START, Drawn
 
@@ -113,8 +113,8 @@ def test_a_slow_robot_is_not_lost() -> None:
     still, level = np.zeros(n), np.zeros(n, np.uint16)
     times = np.zeros(n, np.int64)
 
-    creeping = telling_poses(np.arange(n) * 0.01 + 1e-6, still, still, level, times)
-    turning = telling_poses(still, still, np.arange(n) * np.radians(1.0) + 1e-6, level, times)
+    creeping = drawn_poses(np.arange(n) * 0.01 + 1e-6, still, still, level, times)
+    turning = drawn_poses(still, still, np.arange(n) * np.radians(1.0) + 1e-6, level, times)
 
     assert 20 <= np.count_nonzero(creeping) <= 21
     assert 20 <= np.count_nonzero(turning) <= 21

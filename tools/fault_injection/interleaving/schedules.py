@@ -34,7 +34,7 @@ from fault_injection.judging import keep
 from fault_injection.oracle_client import Oracle
 from fault_injection.pool import side_by_side
 from fault_injection.story import constants
-from semmap_log.log.replay.care import verify
+from semmap_log.log.replay.maintenance import verify
 from semmap_log.store.verification.findings import EXIT_GOOD, EXIT_TORN
 
 USUAL = 400

@@ -28,8 +28,8 @@ from fault_injection.signed_logs.forging import (
     tell_of_trimming,
 )
 from fault_injection.signed_logs.sample import SignedSample, append_some
+from semmap_log.log.signing.background_signer import BackgroundSigner
 from semmap_log.log.signing.log_signing import sign
-from semmap_log.log.signing.sign_beside import SignBeside
 from semmap_log.log.trimming.redaction import Notes, Redaction, Tracks
 from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store.header import Trimmed, TrimReason
@@ -427,7 +427,7 @@ def a_commit_added_without_the_key_live(scene: Scene) -> None:
 @attack(6, "unsigned", fits=True)
 def added_without_the_key_then_the_robot_opens_and_signs(scene: Scene) -> None:
     a_commit_added_without_the_key_closed(scene)
-    signer = SignBeside(scene.log, scene.sample.robot, every_s=3600)
+    signer = BackgroundSigner(scene.log, scene.sample.robot, every_s=3600)
     with signer, sl.append(scene.log, compact=False, signer=signer) as log:
         append_some(log, scene.dice, 1)
     assert not signer.is_all_signed
@@ -436,7 +436,7 @@ def added_without_the_key_then_the_robot_opens_and_signs(scene: Scene) -> None:
 @attack(6, "adopted", fits=True)
 def added_without_the_key_then_the_robot_adopts_it(scene: Scene) -> None:
     a_commit_added_without_the_key_closed(scene)
-    signer = SignBeside(scene.log, scene.sample.robot, every_s=3600, adopt=True)
+    signer = BackgroundSigner(scene.log, scene.sample.robot, every_s=3600, adopt=True)
     with signer, sl.append(scene.log, compact=False, signer=signer) as log:
         append_some(log, scene.dice, 1)
     assert signer.is_all_signed

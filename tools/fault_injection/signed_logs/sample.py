@@ -11,9 +11,9 @@ import semmap_log as sl
 from fault_injection.sample import small_segments
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorObserved, Event, RobotPose
+from semmap_log.log.signing.background_signer import BackgroundSigner
 from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.log_signing import make_key, sign
-from semmap_log.log.signing.sign_beside import SignBeside
 from semmap_log.log.signing.statement import HEADS, TRIMMING, PublicKey
 from semmap_log.log.trimming.redaction import Notes, Redaction, Tracks
 from semmap_log.log.trimming.repeated_sightings import Thinning
@@ -104,7 +104,7 @@ def _record(
 ) -> None:
     """Record sightings that repeat, poses, notes, and commands with ids of their own."""
     draw = random.Random(commits)
-    signer = SignBeside(path, key, every_s=3600)
+    signer = BackgroundSigner(path, key, every_s=3600)
     about = {"clock": clock, "entropy": draw.randbytes, "compact": False, "signer": signer}
     with signer, (
         sl.create(path, tz=ZONE, building="clinic", robot="tug1", **about)  # type: ignore[arg-type]

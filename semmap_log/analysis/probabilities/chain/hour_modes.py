@@ -30,7 +30,7 @@ PRIOR_HOURS = 0.2
 LIKE = np.array([4.0, 1.0, 1.0, 1.0])
 """Prior counts, in hours, of what an hour resembles: that hour of such days, of any day, the
 adjacent hours, or none of these (a mode of its own)."""
-BESIDE = 0.5
+ADJACENT = 0.5
 """The weight of adjacent hours."""
 ROUNDS = 15
 _OWN = 3
@@ -68,7 +68,7 @@ def _expected(told: Reals, modes: Reals) -> Reals:
         of_hour = told[days].sum(0)
         found[0, days] = _scaled(of_hour - told[days] + before)
         beside = np.roll(of_hour, 1, 0) + np.roll(of_hour, -1, 0)
-        found[2, days] = _scaled(BESIDE * beside + before)
+        found[2, days] = _scaled(ADJACENT * beside + before)
     found[1] = _scaled(told.sum(0) - told + before)
     found[_OWN] = modes
     return np.asarray(found)

@@ -65,7 +65,7 @@ def _hour(wall_s: NDArray[np.float64]) -> NDArray[np.int64]:
     return (wall_s // HOUR_S).astype(np.int64)
 
 
-def spans_in_words(hours: WeekMask) -> list[str]:
+def spans_text(hours: WeekMask) -> list[str]:
     """Return hours of the week as people say them: `Sat, Sun`, `22:00-06:00`, `Mon 14:00-16:00`.
 
     Whole days first, then what is common to all other days, then the rest, day by day.

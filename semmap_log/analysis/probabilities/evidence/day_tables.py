@@ -137,11 +137,11 @@ def _readings(evidence: DoorEvidence, place: NDArray[np.int64], places: int) -> 
     # Of each visit, and then of each hour: readings weigh by what they show, so that of sensors of
     # one kind the plain mean is corrected.
     tell, said = mean(tells**2), mean(tells * excess)
-    tell_of_hour, square, said_of_hour = (
+    weight_of_hour, square, excess_of_hour = (
         np.bincount(place[one], of_visits, places) for of_visits in (tell, tell**2, said)
     )
-    safe = np.where(tell_of_hour > 0, tell_of_hour, 1.0)
-    return _Readings(square / safe, said_of_hour / safe)
+    safe = np.where(weight_of_hour > 0, weight_of_hour, 1.0)
+    return _Readings(square / safe, excess_of_hour / safe)
 
 
 Days = NDArray[np.int64]

@@ -243,14 +243,16 @@ class BeliefHistory:
         Args:
             said: (n, regimes), log-likelihood of each look, by what was known before it.
         """
-        gain = np.stack([said, *(self._said_before(lead_h) for lead_h in LEADS_H[1:].tolist())], 1)
+        gain = np.stack(
+            [said, *(self._loglik_before(lead_h) for lead_h in LEADS_H[1:].tolist())], 1
+        )
         gain *= TEMPER[:, None]
         begins = np.flatnonzero(np.diff(self._row, prepend=-1))
         of_days = np.zeros((len(self._days), *gain.shape[1:]))
         of_days[self._row[begins]] = np.add.reduceat(gain, begins, axis=0)
         return weights_of_days(of_days, self._days, regimes.PRIOR, SHARE)[:-1]
 
-    def _said_before(self, lead_h: float) -> Reals:
+    def _loglik_before(self, lead_h: float) -> Reals:
         """Return (n, regimes): log-likelihood of each look, by what was believed so long before."""
         seen = self._looks
         known_ns = seen.times_ns - round(lead_h * HOUR_NS)

@@ -17,7 +17,7 @@ from semmap_log.analysis.probabilities.evidence.day_tables import covered_ns
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.forecast import LEAST, MOST, PRIOR_P, Forecast
 from semmap_log.analysis.probabilities.methods.by_door import LearntByDoor
-from semmap_log.analysis.probabilities.methods.effective_days import ToldDays, lasting_of
+from semmap_log.analysis.probabilities.methods.effective_days import EvidenceDays, lasting_of
 from semmap_log.analysis.probabilities.methods.habits import PRIOR_DAYS, slowest_habit
 from semmap_log.analysis.probabilities.methods.schedule import LEAST_H, noise_of
 from semmap_log.core.model.doors import DoorId
@@ -33,8 +33,8 @@ class DoorCount:
 
     def __init__(self, evidence: DoorEvidence, clock: LocalClock) -> None:
         self._evidence = evidence
-        self._days_told = ToldDays(evidence, clock)
-        tables = self._days_told.tables
+        self._evidence_days = EvidenceDays(evidence, clock)
+        tables = self._evidence_days.tables
         noise = noise_of(evidence, tables, clock)
         self._lasting = lasting_of(slowest_habit(tables), tables, noise)
         first = evidence.is_visit
@@ -58,7 +58,7 @@ class DoorCount:
         p_open = (open_h / 24 + PRIOR_DAYS * PRIOR_P) / (days + PRIOR_DAYS)
         p_open = np.where(known_h >= LEAST_H, open_h / np.maximum(known_h, LEAST_H), p_open)
         p_open = np.clip(p_open, LEAST, MOST)
-        variance = self._lasting.day_variance(p_open, days, self._days_told.row(until_ns))
+        variance = self._lasting.day_variance(p_open, days, self._evidence_days.row(until_ns))
         return Forecast.around(p_open, variance, known_h >= LEAST_H, days)
 
 

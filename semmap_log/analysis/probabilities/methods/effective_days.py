@@ -7,7 +7,8 @@ Correlations are measured on the residuals of the slowest tables, `NEAR_H` and `
 as each midnight knew them; beyond that they fall off as a chain's do. A sensor's errors are added:
 they are independent.
 
-`ToldDays` are the days that a door's habits are learnt from, and what each midnight knew of them.
+`EvidenceDays` are the days that a door's habits are learnt from, and what each midnight knew of
+them.
 """
 
 from __future__ import annotations
@@ -130,8 +131,8 @@ def lasting_of(slowest: Tables, tables: DayTables, noise: Reals) -> Lasting:
     def kept_over(hours: tuple[int, ...]) -> Reals:
         """Return (rows,): the mean remaining share of a deviation so many hours later."""
         chosen = np.isin(lags, hours)
-        until_told = PRIOR_WEIGHT * np.exp(-np.array(hours) / PRIOR_FORGETS_H).sum()
-        found: Reals = (together[chosen].sum(0) + until_told) / (
+        prior_sum = PRIOR_WEIGHT * np.exp(-np.array(hours) / PRIOR_FORGETS_H).sum()
+        found: Reals = (together[chosen].sum(0) + prior_sum) / (
             most[chosen].sum(0) + PRIOR_WEIGHT * len(hours)
         )
         return found
@@ -187,7 +188,7 @@ def _more(tables: DayTables) -> Reals:
 Times = NDArray[np.int64]
 
 
-class ToldDays:
+class EvidenceDays:
     """Whole days up to the last with evidence; a row for each midnight between them."""
 
     def __init__(

@@ -78,7 +78,7 @@ def _handed_out(habits: Habits, lead_d: int) -> tuple[Weights, float]:
 
 
 def weights_of_days(gain: Weights, days: DayRows, start: Weights, share: float) -> Weights:
-    """Return the weights of experts at each midnight, (rows + 1, …): see `shared_anew`.
+    """Return the weights of experts at each midnight, (rows + 1, …): see `updated_weights`.
 
     Args:
         gain: (rows, …), of each day.
@@ -93,11 +93,13 @@ def weights_of_days(gain: Weights, days: DayRows, start: Weights, share: float) 
         if is_gap:
             found[row + 1] = shared_idly(found[row], start, share, lasts_d)
         else:
-            found[row + 1] = shared_anew(found[row], of_day, start, share)
+            found[row + 1] = updated_weights(found[row], of_day, start, share)
     return found
 
 
-def shared_anew(before: Weights, gain: Weights, start: Weights, share: Weights | float) -> Weights:
+def updated_weights(
+    before: Weights, gain: Weights, start: Weights, share: Weights | float
+) -> Weights:
     """Return the weights of experts, along the last axis, after a forecast.
 
     Args:

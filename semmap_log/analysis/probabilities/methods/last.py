@@ -21,11 +21,11 @@ class DoorLast:
     """The last reports about one door."""
 
     def __init__(self, evidence: DoorEvidence) -> None:
-        self._said_ns, self._said = _said(evidence)
+        self._reported_ns, self._said = _said(evidence)
 
     def predict(self, times_ns: Times, known_ns: Times) -> Forecast:
         """Return the last state, however old, as sure as its sensor: see `LearntModel`."""
-        place = np.searchsorted(self._said_ns, np.minimum(times_ns, known_ns), "right")
+        place = np.searchsorted(self._reported_ns, np.minimum(times_ns, known_ns), "right")
         p_open = np.append(PRIOR_P, self._said)[place]
         is_known = place > 0
         low, high = np.where(is_known, p_open, LEAST), np.where(is_known, p_open, MOST)

@@ -32,7 +32,11 @@ from semmap_log.analysis.probabilities.evidence.day_tables import (
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.forecast import LEAST, MOST, PRIOR_P, Forecast, Probabilities
 from semmap_log.analysis.probabilities.methods.by_door import LearntByDoor
-from semmap_log.analysis.probabilities.methods.effective_days import ToldDays, Variances, lasting_of
+from semmap_log.analysis.probabilities.methods.effective_days import (
+    EvidenceDays,
+    Variances,
+    lasting_of,
+)
 from semmap_log.analysis.probabilities.methods.habits import (
     LEADS_D,
     Habits,
@@ -44,8 +48,8 @@ from semmap_log.analysis.probabilities.methods.habits import (
     habits,
     kept,
     lead_of,
-    shared_anew,
     slowest_habit,
+    updated_weights,
     weekly_sums,
     weights,
 )
@@ -88,8 +92,8 @@ class DoorSchedule:
         self, evidence: DoorEvidence, clock: LocalClock, *, with_today: bool = False
     ) -> None:
         self._evidence, self._clock = evidence, clock
-        self._days_told = ToldDays(evidence, clock, with_today=with_today)
-        self._tables = self._days_told.tables
+        self._evidence_days = EvidenceDays(evidence, clock, with_today=with_today)
+        self._tables = self._evidence_days.tables
         self._seen_h = _seen_h(self._tables)
         self._by_lead: dict[int, _OfLead] = {}
 
@@ -115,9 +119,9 @@ class DoorSchedule:
         """Return P(open) with what it is based on: see `LearntModel.predict`."""
         is_known = np.zeros(len(times_ns), np.bool_)
         if len(self._seen_h):
-            row = self._days_told.row(known_ns)
+            row = self._evidence_days.row(known_ns)
             hour = (self._clock.wall_s(times_ns) % DAY_S // HOUR_S).astype(np.int64)
-            age_d = self._clock.hour_of(known_ns) // 24 - self._days_told.midnights[row]
+            age_d = self._clock.hour_of(known_ns) // 24 - self._evidence_days.midnights[row]
             is_known = (self._seen_h[row, hour] >= LEAST_H) & (age_d <= STALE_D)
         return Expected(
             self.p_open(times_ns, known_ns),
@@ -133,7 +137,7 @@ class DoorSchedule:
         )
         hour_ns = times_ns[first]
         wall_s = self._clock.wall_s(hour_ns)
-        of_hours = self._at(self._variance_at, PRIOR_P**2, wall_s, self._days_told.row(hour_ns))
+        of_hours = self._at(self._variance_at, PRIOR_P**2, wall_s, self._evidence_days.row(hour_ns))
         found: Table = of_hours[which]
         return found
 
@@ -167,7 +171,7 @@ class DoorSchedule:
         self, at: LookUp, otherwise: float, times_ns: Times, known_ns: Times
     ) -> Table:
         """Return values interpolated between the middle of an hour and that of the next."""
-        wall_s, row = self._clock.wall_s(times_ns), self._days_told.row(known_ns)
+        wall_s, row = self._clock.wall_s(times_ns), self._evidence_days.row(known_ns)
         from_middle = wall_s % HOUR_S / HOUR_S - 0.5
         beside = wall_s + np.where(from_middle < 0, -HOUR_S, HOUR_S)
         here, there = (self._at(at, otherwise, shown, row) for shown in (wall_s, beside))
@@ -180,7 +184,7 @@ class DoorSchedule:
         Of the first midnight nothing is known: it is the same where nothing ever is.
         """
         day, in_day_s = np.divmod(wall_s, DAY_S)
-        lead = lead_of(np.maximum(day - self._days_told.midnights[row], 0))
+        lead = lead_of(np.maximum(day - self._evidence_days.midnights[row], 0))
         cells = WeekCells(
             row, day.astype(np.int64) % DAYS_IN_WEEK, (in_day_s // HOUR_S).astype(np.int64)
         )
@@ -302,9 +306,9 @@ def noise_of(evidence: DoorEvidence, tables: DayTables, clock: LocalClock) -> Re
     held_h = covered_ns(evidence.start_ns, evidence.end_ns, edges_ns) / HOUR_NS
     known_h = so_far(tables.known_h.sum(1))
     read_h = np.maximum(known_h - (held_h - held_h[0]), 0.0)
-    told_h, visits = by_day((when_open + when_closed - 1) ** 2), by_day(np.ones(len(errs)))
+    evidence_h, visits = by_day((when_open + when_closed - 1) ** 2), by_day(np.ones(len(errs)))
     of_visit = by_day(errs) / np.maximum(visits, 1)
-    of_hour = of_visit * np.minimum(1.0, read_h / np.maximum(told_h, 1e-9))
+    of_hour = of_visit * np.minimum(1.0, read_h / np.maximum(evidence_h, 1e-9))
     found: Reals = of_hour * read_h / np.maximum(known_h, 1e-9)
     return found
 
@@ -314,7 +318,7 @@ Indices = NDArray[np.int64]
 
 BLOCKS = ((0,), (0, 1), (0, -1))
 """Hours that share a rate, counted from a cell's own: each block is an expert."""
-_BESIDE = sorted({hour for block in BLOCKS for hour in block})
+_OFFSETS_H = sorted({hour for block in BLOCKS for hour in block})
 RATES = (1.5, 0.9, 0.9)
 """How much a known hour of a block counts: those of a cell lie a week apart, and prove much."""
 PRIOR = 0.015
@@ -374,7 +378,7 @@ class SlotRates:
         """Return (2, ..., blocks): the mean of each block's hours, at the cells it counts from."""
         row, weekday, hour = cells
         day = (row * DAYS_IN_WEEK + weekday) * 24
-        at = {beside: self._weeks.take(day + (hour + beside) % 24, 1) for beside in _BESIDE}
+        at = {beside: self._weeks.take(day + (hour + beside) % 24, 1) for beside in _OFFSETS_H}
         means = [np.mean([at[beside] for beside in block], axis=0) for block in BLOCKS]
         return np.stack(means, axis=-1)
 
@@ -491,7 +495,7 @@ def _weights(gain: Tables, trials: _Trials) -> Tables:
     found = np.empty((weeks + 1, *gains.shape[1:]))
     found[0] = start
     for week, gained in enumerate(gains):
-        found[week + 1] = shared_anew(found[week], gained, start, share[week])
+        found[week + 1] = updated_weights(found[week], gained, start, share[week])
     earned: Tables = found[..., 1:]
     return earned
 

@@ -22,7 +22,7 @@ ROW_CELLS = 2
 """A wall is as thick as so many cells more on both sides of its row: it is not straight."""
 HOLE_CELLS = 2
 """A hole so small in a wall is none."""
-BESIDE_M = 0.6
+AROUND_EDGE_M = 0.6
 """On either side of a gap so much of the line is looked at for a wall."""
 ALONG_M = 3.0
 WALL, POST = 0.7, 0.15
@@ -111,7 +111,7 @@ def _gaps_along(points: Floats, theta: float) -> Gaps:
     """Return the gaps in walls that run along a direction, row by row."""
     turn = np.array([[np.cos(theta), np.sin(theta)], [-np.sin(theta), np.cos(theta)]])
     turned = points @ turn.T
-    beside = round(BESIDE_M / CELL_M)
+    beside = round(AROUND_EDGE_M / CELL_M)
     low = np.floor(turned.min(0) / CELL_M) * CELL_M - (beside + 1) * CELL_M
     columns, rows = (np.ceil((turned.max(0) - low) / CELL_M).astype(int) + beside + 2).tolist()
     picture = np.zeros((rows, columns), bool)
@@ -123,8 +123,8 @@ def _gaps_along(points: Floats, theta: float) -> Gaps:
     fits = (width >= LEAST_M) & (width <= MOST_M)
     row, first, last = row[fits], first[fits], last[fits]
     sums = np.cumsum(np.pad(filled, ((0, 0), (1, 0))), axis=1, dtype=np.intp)
-    walls = _beside(sums, (row, first, last), BESIDE_M)
-    long = _beside(sums, (row, first, last), ALONG_M).mean(1)
+    walls = _next_to(sums, (row, first, last), AROUND_EDGE_M)
+    long = _next_to(sums, (row, first, last), ALONG_M).mean(1)
     good = (walls.max(1, initial=0.0) >= WALL) & (walls.min(1, initial=1.0) >= POST)
     along = low[0] + first[good] * CELL_M
     starts = np.stack([along, low[1] + (row[good] + 0.5) * CELL_M], axis=1) @ turn
@@ -133,7 +133,7 @@ def _gaps_along(points: Floats, theta: float) -> Gaps:
     return Gaps(np.column_stack([starts, angles, widths]), walls[good], long[good])
 
 
-def _beside(sums: NDArray[np.intp], runs: tuple[NDArray[np.intp], ...], length_m: float) -> Floats:
+def _next_to(sums: NDArray[np.intp], runs: tuple[NDArray[np.intp], ...], length_m: float) -> Floats:
     """Return (n, 2) the share of the line that is filled, for so far before and after each run."""
     row, first, last = runs
     cells = round(length_m / CELL_M)

@@ -41,7 +41,7 @@ from semmap_log.interop.formats.ros.ros_types import (
     ros_types,
     whole_topic,
 )
-from semmap_log.store.form import LIBRARY, PROFILE, TRANSIENT_LOCAL, VOLATILE, offered_qos
+from semmap_log.store.byte_layout import LIBRARY, PROFILE, TRANSIENT_LOCAL, VOLATILE, offered_qos
 
 CHUNK_BYTES = 4 * 2**20
 """A grid in a chunk with those before it costs little more than what changed; but to show one, a
@@ -173,9 +173,9 @@ class McapBag:
                 ordered = self._indexed_messages(chosen)
             else:
                 ordered = in_order(self._scanned_messages(chosen), self._path)
-            yield from _counted(ordered, self._told_count(channels), self._path)
+            yield from _counted(ordered, self._expected_count(channels), self._path)
 
-    def _told_count(self, channels: Collection[BagChannel]) -> int | None:
+    def _expected_count(self, channels: Collection[BagChannel]) -> int | None:
         """Return how many messages there have to be; None: the summary does not say."""
         return self.count(channels) if self._summary.counts else None
 

@@ -19,7 +19,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from semmap_log.core.io.disk import output_errors, whole_file, whole_folder
+from semmap_log.core.io.disk import atomic_file, atomic_folder, output_errors
 from semmap_log.errors import FormatError
 from semmap_log.interop.formats.bags.bag_protocol import (
     BagChannel,
@@ -39,7 +39,7 @@ from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.interop.formats.parsing.strict_yaml import Mapping, Node, Scalar, parse_yaml
 from semmap_log.interop.formats.parsing.strict_yaml import Sequence as YamlList
 from semmap_log.interop.formats.ros.ros_types import RosVersion, encoded, ros_types
-from semmap_log.store.form import BAG_METADATA_NAME
+from semmap_log.store.byte_layout import BAG_METADATA_NAME
 
 READABLE_BAGS = ".bag (ROS 1), a rosbag2 folder, .db3, .mcap"
 
@@ -226,7 +226,7 @@ def ros_version_of(path: Path) -> RosVersion:
     return 1 if path.suffix.lower() == ".bag" else 2
 
 
-def tells_a_bag(path: Path) -> bool:
+def is_bag_name(path: Path) -> bool:
     """Return whether a name is that of a bag, as `new_bag` reads it."""
     return path.suffix.lower() in {".mcap", ".bag", ""}
 
@@ -236,13 +236,13 @@ def _form_of(path: Path) -> tuple[OpenBag, Callable[[Path], AbstractContextManag
     if path.suffix.lower() == ".mcap":
         from semmap_log.interop.formats.bags.bag_protocol import mcap_bag
 
-        return mcap_bag, whole_file
+        return mcap_bag, atomic_file
     if path.suffix.lower() == ".bag":
-        return ros1_bag, whole_file
+        return ros1_bag, atomic_file
     if not path.suffix:
         from semmap_log.interop.formats.bags.ros2_bag import ros2_bag
 
-        return ros2_bag, whole_folder
+        return ros2_bag, atomic_folder
     raise FormatError(path, f"unknown extension for a new bag; expected one of: {WRITABLE_BAGS}.")
 
 
@@ -262,7 +262,7 @@ def ros1_bag(path: Path, topics: Sequence[BagTopic]) -> Iterator[_Ros1Bag]:
     import lz4.frame
     from rosbags.rosbag1 import Writer
 
-    path.unlink()  # which `whole_file` made: rosbags makes its own, and follows no link
+    path.unlink()  # which `atomic_file` made: rosbags makes its own, and follows no link
     writer = Writer(path)
     writer.set_compression(Writer.CompressionFormat.LZ4)
     # ROS's own roslz4 reads no frames but these ("malformed data to decompress").

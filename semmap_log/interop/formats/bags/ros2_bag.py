@@ -12,7 +12,7 @@ import yaml
 
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic, NewBag, mcap_bag, qos_of
 from semmap_log.interop.formats.ros.ros_types import RosVersion, ros_types
-from semmap_log.store.form import BAG_METADATA_NAME
+from semmap_log.store.byte_layout import BAG_METADATA_NAME
 
 
 @contextmanager

@@ -35,8 +35,8 @@ def open_with_rosbags(path: Path, stack: ExitStack) -> RosbagsBag:
     Raises:
         FormatError: It cannot be read.
     """
-    _refuse_cut(path)
-    _refuse_unwritten(path)
+    _check_not_cut(path)
+    _check_no_wal(path)
     with _troubles(path):
         if path.suffix.lower() == ".bag":
             from semmap_log.interop.formats.bags.rosbag1_guarded import GuardedReader
@@ -95,7 +95,7 @@ class RosbagsBag:
         return [each for each in self._reader.connections if self._channels[each.id] in wanted]
 
 
-def _refuse_cut(path: Path) -> None:
+def _check_not_cut(path: Path) -> None:
     """Return unless the file is SQLite's, and shorter than its header says.
 
     Raises:
@@ -113,7 +113,7 @@ def _refuse_cut(path: Path) -> None:
         raise FormatError(path, f"its end is lost: expected {expected:,} bytes, got {size:,}")
 
 
-def _refuse_unwritten(path: Path) -> None:
+def _check_no_wal(path: Path) -> None:
     """Check that SQLite does not keep some of the messages in a file next to it, which is not read.
 
     Raises:

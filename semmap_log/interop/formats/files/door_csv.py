@@ -80,7 +80,7 @@ def read_door_csv(
         left_out = foreign.left_out()
     reader.finish()
     if windows is not None and known is not None:
-        _refuse_strangers(windows, known, reader.doors)
+        _check_known_doors(windows, known, reader.doors)
     return replace(reader.sightings(path), left_out=left_out)
 
 
@@ -368,7 +368,7 @@ def _are_shares(accuracy: NDArray[np.float64] | None, texts: TextColumn | None) 
 STATES = {text: state for state in DoorState for text in (state.name, state.name.lower())}
 
 
-def _refuse_strangers(
+def _check_known_doors(
     path: Path, windows: dict[str, list[KnownWindow]], doors: Iterable[str]
 ) -> None:
     """Raise where a window is of a door that has no row."""

@@ -231,12 +231,12 @@ def _decoded(file: BinaryIO) -> Image:
                 f"expected at most {MOST_PIXELS:,} pixels, "
                 f"got {picture.width:,} x {picture.height:,}"
             )
-        _refuse_other_scales(picture)
+        _check_scale(picture)
         picture.load()
     return picture
 
 
-def _refuse_other_scales(picture: Image) -> None:
+def _check_scale(picture: Image) -> None:
     """Raise for a PGM that does not count to 255 or 65535: no two servers take it for the same."""
     from PIL.ImageFile import ImageFile
 

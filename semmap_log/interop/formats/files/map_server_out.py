@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from semmap_log.analysis.costmap_2d.costs import to_occupancy
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
 from semmap_log.core.io.disk import (
-    name_beside,
-    new_beside,
+    check_not_special,
+    new_sibling,
     output_errors,
-    refuse_special,
+    sibling_name,
     sync_file,
     sync_folder,
 )
@@ -172,8 +172,8 @@ def _both(picture: Path, header: Path) -> Iterator[tuple[Path, Path]]:
     with output_errors(header):
         try:
             for path in (picture, header):
-                refuse_special(path)
-                new.append(new_beside(path))
+                check_not_special(path)
+                new.append(new_sibling(path))
             yield new[0], new[1]
             for path in new:
                 sync_file(path)
@@ -191,7 +191,7 @@ def _swap(old: list[Path], new: list[tuple[Path, Path]]) -> None:
         if path.is_dir():
             raise IsADirectoryError(0, "there is a folder of that name")
     done: list[tuple[Path, Path]] = []
-    aside = [(path, name_beside(path, ".old")) for path in old if os.path.lexists(path)]
+    aside = [(path, sibling_name(path, ".old")) for path in old if os.path.lexists(path)]
     try:
         for source, target in aside + new:
             source.rename(target)

@@ -19,7 +19,7 @@ from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from semmap_log.analysis.rooms.room_graph import rooms_told
+from semmap_log.analysis.rooms.room_graph import annotated_rooms
 from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState
 from semmap_log.core.model.moments import format_utc
 from semmap_log.core.texts import command_line
@@ -75,7 +75,7 @@ def rooms_between(door: Door) -> tuple[NamedRoom, NamedRoom] | None:
 
     None: it has none, or it does not name two.
     """
-    names = rooms_told(door)
+    names = annotated_rooms(door)
     if names is None or not all(names):
         return None
     return NamedRoom(door.level, names[0]), NamedRoom(door.level, names[1])

@@ -15,7 +15,7 @@ from semmap_log.analysis.beliefs.door_beliefs import (
     TypicalWeek,
     WeekPattern,
 )
-from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_words
+from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_text
 from semmap_log.analysis.probabilities.forecast import INTERVAL
 from semmap_log.core.model.doors import Door
 from semmap_log.core.model.moments import SECOND_NS, format_utc
@@ -141,7 +141,7 @@ def _evidence(evidence: EvidenceSummary, known_ns: int) -> dict[str, Any]:
         "last_seen": None if last_ns is None else format_utc(last_ns),
         "age_s": None if last_ns is None else (known_ns - last_ns) / SECOND_NS,
         "hours_never_seen": coverage.hours_never_seen,
-        "never_seen": spans_in_words(~coverage.is_seen),
+        "never_seen": spans_text(~coverage.is_seen),
     }
 
 

@@ -35,7 +35,7 @@ from semmap_log.core.model.events import (
     Event,
     FloorMap,
     UnknownEvent,
-    told_fields,
+    public_fields,
 )
 from semmap_log.core.model.meaning import FIELDS, PARTS
 from semmap_log.core.model.moments import SECOND_NS, format_utc
@@ -349,7 +349,7 @@ _TIMES = {
 }
 """Kind -> its fields that are times, and their keys."""
 
-_TOLD = {kind.kind: told_fields(kind) for kind in KINDS}
+_TOLD = {kind.kind: public_fields(kind) for kind in KINDS}
 
 
 def _plain(value: object) -> object:

@@ -22,7 +22,7 @@ from semmap_log.core.model.events import (
     FloorMap,
     defaults_of,
     may_lack_level,
-    told_fields,
+    public_fields,
 )
 from semmap_log.core.model.meaning import PART_OF, PARTS, Changed, changed
 from semmap_log.core.model.moments import both_instants, parse_instant, zone
@@ -141,7 +141,7 @@ class _LineReader:
 
     def line(self) -> ParsedLine:
         kind = self.kind()
-        self.refuse_unknown(kind)
+        self.check_kind_keys(kind)
         happened_ns = self.happened()
         note = self.note()
         command_id = self.command_id()
@@ -173,7 +173,7 @@ class _LineReader:
     def note(self) -> Note:
         """Return who and why."""
         if self.left.keys().isdisjoint(NOTE_KEYS):
-            return _NOTHING_SAID
+            return _EMPTY_NOTE
         texts = (self.text(key) if key in self.left else "" for key in NOTE_KEYS)
         actor, source, reason, correlation = texts
         note = Note(actor, source, reason, correlation)
@@ -190,7 +190,7 @@ class _LineReader:
         expected = close[0] if close else f"one of {', '.join(KIND_BY_NAME)}"
         raise _WrongError(f"kind: expected {expected}; got {shown(name)}")
 
-    def refuse_unknown(self, kind: type[Event]) -> None:
+    def check_kind_keys(self, kind: type[Event]) -> None:
         """Name a key that the kind does not have, before one is missed that may be meant by it.
 
         Raises:
@@ -392,7 +392,7 @@ def _own_id(command_id: bytes | None, number: object) -> bytes | None:
     return hashlib.sha256(command_id + str(number).encode()).digest()[: len(command_id)]
 
 
-_NOTHING_SAID = Note()
+_EMPTY_NOTE = Note()
 
 _OF_EXPORTS = ("event", "recorded", "commit", "content", "retracted", "timezone")
 """Keys by which `import` makes the same log again."""
@@ -411,7 +411,7 @@ def keys_of(kind: type[Event]) -> list[str]:
     """Return the keys that a line of the kind may have, besides `kind` and `happened`."""
     if kind is FloorMap:
         return [*FLOOR_MAP_KEYS, *NOTE_KEYS, "command_id"]
-    names = [key_of(name, kind.rules.fields[name]) for name in told_fields(kind)]
+    names = [key_of(name, kind.rules.fields[name]) for name in public_fields(kind)]
     names += ["accuracy"] if kind is DoorObserved else []
     names += ["door"] if issubclass(kind, DoorEvent) and kind is not DoorAdded else []
     return [*names, *NOTE_KEYS, "command_id"]
@@ -438,7 +438,7 @@ _FIELDS = {
     kind: [
         (name, key_of(name, rule), _READ.get(type(rule), _LineReader.number))
         for name, rule in kind.rules.fields.items()
-        if name in told_fields(kind)
+        if name in public_fields(kind)
     ]
     for kind in KIND_BY_NAME.values()
 }

@@ -17,7 +17,7 @@ from semmap_log.analysis.scans.visit import (
     KeptVisit,
     PlacedScan,
     Visit,
-    folder_beside,
+    scans_folder,
     visit_key,
 )
 from semmap_log.core.model.doors import DoorId
@@ -35,7 +35,7 @@ from semmap_log.interop.formats.kept_scans.scan_messages import (
     SCAN,
     TEXT,
     ScanBytes,
-    ToldVisit,
+    VisitRecord,
     read_text,
     scan_from_messages,
 )
@@ -47,7 +47,7 @@ Tell = Callable[[str], None]
 
 def has_kept_scans(log: PurePath) -> bool:
     """Return whether scans are kept next to a log; never for one in a store."""
-    folder = folder_beside(log)
+    folder = scans_folder(log)
     return folder.is_dir() and any(folder.glob("*.mcap"))
 
 
@@ -76,7 +76,7 @@ def kept_visits(
     """
     wanted = _Wanted(since_ns, until_ns, doors, with_scans)
     known: set[tuple[object, ...]] = set()
-    for path in sorted(folder_beside(log).glob("*.mcap")):
+    for path in sorted(scans_folder(log).glob("*.mcap")):
         for kept in _visits_in(path, log_id, wanted, tell):
             key = visit_key(kept.visit)
             if key not in known:
@@ -173,7 +173,7 @@ class FileReader:
     )
     """Robot and laser -> stamp -> the messages of a scan that a visit may be of."""
 
-    def visits(self, log_id: str) -> Iterator[ToldVisit]:
+    def visits(self, log_id: str) -> Iterator[VisitRecord]:
         """Yield the visits, as they were written.
 
         Raises:
@@ -214,7 +214,7 @@ class FileReader:
                     raise ValueError("it does not say which log it is of")
                 yield from self._chunk(OpenChunk(record, tally))
 
-    def scans_of(self, told: ToldVisit) -> tuple[PlacedScan, ...]:
+    def scans_of(self, told: VisitRecord) -> tuple[PlacedScan, ...]:
         """Return the scans of the visit that was yielded last.
 
         Raises:
@@ -269,7 +269,7 @@ class FileReader:
             del here[stamp_ns]
 
 
-def visit_in(data: bytes) -> ToldVisit:
+def visit_in(data: bytes) -> VisitRecord:
     """Return the contents of a message on the topic of visits.
 
     Raises:

@@ -217,7 +217,7 @@ _EXPECTED = {f.name: _TYPES[f.type] for f in fields(Visit) if f.type in _TYPES}
 
 
 @dataclass(frozen=True, slots=True)
-class ToldVisit:
+class VisitRecord:
     """The contents of a visit's text."""
 
     visit: Visit
@@ -228,7 +228,7 @@ class ToldVisit:
     event: int | None
 
 
-def text_of(told: ToldVisit) -> str:
+def text_of(told: VisitRecord) -> str:
     """Return the text of a visit."""
     visit = told.visit
     values = {name: getattr(visit, name) for name in sorted(_OF_VISIT)}
@@ -242,7 +242,7 @@ def text_of(told: ToldVisit) -> str:
     })  # fmt: skip
 
 
-def read_text(text: str) -> ToldVisit:
+def read_text(text: str) -> VisitRecord:
     """Return the contents of a text; keys that a later version added are ignored.
 
     Raises:
@@ -259,7 +259,7 @@ def read_text(text: str) -> ToldVisit:
         })  # fmt: skip
         x, y, theta, width = _numbers(found["line"])
         event = found.get("event")
-        return ToldVisit(
+        return VisitRecord(
             visit,
             int(found["level"]),
             (x, y, theta, width),

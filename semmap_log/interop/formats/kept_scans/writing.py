@@ -25,10 +25,10 @@ from semmap_log.analysis.scans.visit import (
     PlacedScan,
     Visit,
     file_name,
-    folder_beside,
+    scans_folder,
     topic_part,
 )
-from semmap_log.core.io.disk import output_errors, sync_folder, whole_file
+from semmap_log.core.io.disk import atomic_file, output_errors, sync_folder
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic, qos_of
 from semmap_log.interop.formats.kept_scans.reading import (
     AnotherLogError,
@@ -40,7 +40,7 @@ from semmap_log.interop.formats.kept_scans.scan_messages import (
     CLOUD,
     SCAN,
     TEXT,
-    ToldVisit,
+    VisitRecord,
     scan_to_messages,
     text_of,
 )
@@ -52,7 +52,7 @@ from semmap_log.interop.formats.ros.ros_types import (
     encoded,
     ros_types,
 )
-from semmap_log.store.form import LIBRARY, PROFILE
+from semmap_log.store.byte_layout import LIBRARY, PROFILE
 
 Goes = Callable[[Visit], bool]
 Laser = tuple[str, str]
@@ -133,7 +133,7 @@ def take_out_visits(found: VisitsInFile, log_id: str, goes: Goes) -> None:
 
 def _write_staying(found: VisitsInFile, log_id: str, goes: Goes) -> None:
     """Rewrite the file; each message that stays keeps its bytes."""
-    with open_regular(found.path) as file, whole_file(found.path) as temporary:
+    with open_regular(found.path) as file, atomic_file(found.path) as temporary:
         made = VisitFile(temporary, temporary.open("wb"), log_id)
         for channel, at_ns, data in FileReader(file).messages(log_id):
             if not _stays(found, goes, channel, at_ns, data):
@@ -224,7 +224,7 @@ class KeptScansWriter:
             OutputError: It cannot be written.
         """
         if self._file is None:
-            self._file = VisitFile.new(folder_beside(self._log), visit.first_ns, self._log_id)
+            self._file = VisitFile.new(scans_folder(self._log), visit.first_ns, self._log_id)
         self._file.add(visit, line, level, scans, event)
 
     def abandon(self) -> None:
@@ -296,7 +296,7 @@ class VisitFile:
             for scan in ordered:
                 self._add_scan(scan)
             stamps_ns = tuple(scan.stamp_ns for scan in ordered)
-            text = text_of(ToldVisit(visit, level, line, stamps_ns, event))
+            text = text_of(VisitRecord(visit, level, line, stamps_ns, event))
             message = encoded(2, Messages(2).new(TEXT, data=text), TEXT)
             self.write(VISITS_TOPIC, TEXT, ("", ""), visit.last_ns, message)
             self.flush()

@@ -36,7 +36,7 @@ def load_object(text: str | bytes) -> dict[str, Any]:
         value = json.loads(
             decoded,
             object_pairs_hook=_each_once,
-            parse_constant=_refuse_constant,
+            parse_constant=_reject_constant,
             parse_float=_finite,
             parse_int=_short,
         )
@@ -67,7 +67,7 @@ def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return values
 
 
-def _refuse_constant(name: str) -> float:
+def _reject_constant(name: str) -> float:
     raise StrictJsonError(f"expected a finite number, got {name}; write null where it is not known")
 
 

@@ -114,7 +114,7 @@ class _Builder:
             raise self._refuse(event, f"expected at most {MOST_NODES:,} values")
         if depth > MOST_DEPTH:
             raise self._refuse(event, f"expected at most {MOST_DEPTH} levels of nesting")
-        self._refuse_tricks(event)
+        self._reject_tricks(event)
         if isinstance(event, yaml.ScalarEvent):
             return self.scalar(event)
         if isinstance(event, yaml.SequenceStartEvent):
@@ -157,7 +157,7 @@ class _Builder:
             value = None
         return Scalar(_line(event), value, event.value)
 
-    def _refuse_tricks(self, event: Any) -> None:
+    def _reject_tricks(self, event: Any) -> None:
         if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
             raise self._refuse(
                 event,

@@ -138,7 +138,7 @@ class Fields:
         """Return the keys that are none of the known, with their values."""
         return {key: node for key, node in self.mapping.entries.items() if key not in known}
 
-    def refuse_others(self, known: tuple[str, ...]) -> None:
+    def check_known_keys(self, known: tuple[str, ...]) -> None:
         """Note each key that is not one of the known."""
         for key in self.others(known):
             self.problems.add(

@@ -479,9 +479,9 @@ class ArrayType:
             return EncodedElement(data, data)
         alone = self._types.serialize_cdr(element, self._element)
         one = self._types.types[self._array](**{self._field: [element]})
-        behind_count = self._types.serialize_cdr(one, self._array)
+        after_count = self._types.serialize_cdr(one, self._array)
         skipped = len(_CDR_HEADER)
-        return EncodedElement(bytes(alone[skipped:]), bytes(behind_count[skipped + _COUNT_BYTES :]))
+        return EncodedElement(bytes(alone[skipped:]), bytes(after_count[skipped + _COUNT_BYTES :]))
 
     def joined(self, parts: Iterable[EncodedElement]) -> bytes:
         """Return the message with these elements."""

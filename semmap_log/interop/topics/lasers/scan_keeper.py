@@ -58,14 +58,14 @@ class ScanWatch:
         self._sightings = LaserSightings(self._doors, robot, keeper=keeper)
         self._waiting: list[RobotScan] = []
         self._clock = clock
-        self._heard_s: dict[str, float] = {}
+        self._received_s: dict[str, float] = {}
         """Robot whose visits may be going on -> when its last scan came."""
 
     def add(self, scans: Sequence[RobotScan]) -> None:
         """Have scans wait for `take`."""
         self._waiting += scans
         for each in scans:
-            self._heard_s[each.scan.robot] = self._clock()
+            self._received_s[each.scan.robot] = self._clock()
 
     def take(self) -> Iterator[VisitCommit]:
         """Look through the scans that wait; yield the visits that ended.
@@ -77,8 +77,10 @@ class ScanWatch:
             scans, self._waiting = self._waiting, []
             yield from self._sightings.take(scans)
         since_s = self._clock() - QUIET_S
-        for robot in [robot for robot, heard_s in self._heard_s.items() if heard_s <= since_s]:
-            del self._heard_s[robot]
+        for robot in [
+            robot for robot, received_s in self._received_s.items() if received_s <= since_s
+        ]:
+            del self._received_s[robot]
             yield from self._sightings.end(robot)
 
     def close(self) -> Iterator[VisitCommit]:
@@ -90,7 +92,7 @@ class ScanWatch:
         """Take note of events that are known by now."""
         self._doors.saw(events)
 
-    def start_anew(self, known: Known) -> None:
+    def reset_known(self, known: Known) -> None:
         """Take other knowledge for what is known."""
         self._known = known
         self._doors = self._sightings.doors = DoorsNow(known)
@@ -349,7 +351,7 @@ class LaserSightings:
 
     def _made(self, visits: Sequence[Visit]) -> Iterator[VisitCommit]:
         for visit in visits:
-            if self._is_told(visit):
+            if self._is_reported(visit):
                 self.tally.again += 1
                 continue
             if self.keeper is not None:
@@ -362,7 +364,7 @@ class LaserSightings:
                 way = self._tracks[visit.robot].between(visit.first_ns, visit.last_ns)
                 yield VisitCommit(visit, events, note, way)
 
-    def _is_told(self, visit: Visit) -> bool:
+    def _is_reported(self, visit: Visit) -> bool:
         """Return whether a visit only repeats a report from the same place that still holds."""
         if not visit.told_ns:
             return False

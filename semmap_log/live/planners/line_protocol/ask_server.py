@@ -20,7 +20,6 @@ from functools import partial
 
 from semmap_log.errors import SemmapError
 from semmap_log.live.planners.addresses import Listener
-from semmap_log.live.planners.asked import QuestionKind
 from semmap_log.live.planners.line_protocol.connection import (
     Admission,
     Broken,
@@ -30,6 +29,7 @@ from semmap_log.live.planners.line_protocol.connection import (
 )
 from semmap_log.live.planners.line_protocol.tokens import TOKEN, is_token
 from semmap_log.live.planners.oracle import ENDS, Oracle, is_likely, is_wait, time_is_over
+from semmap_log.live.planners.parsed_questions import QuestionKind
 from semmap_log.live.planners.question_lines import (
     Line,
     LineError,

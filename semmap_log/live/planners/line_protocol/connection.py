@@ -182,7 +182,7 @@ class Admission:
                 return
             except OSError as error:
                 if error.errno in (errno.EMFILE, errno.ENFILE):
-                    self._refuse_by_spare()
+                    self._reject_by_spare()
                     return
                 continue  # that one has gone again
             if connected.fileno() >= self._most_files:  # a new file has the lowest number there is
@@ -200,7 +200,7 @@ class Admission:
             os.close(self._spare)
             self._spare = None
 
-    def _refuse_by_spare(self) -> None:
+    def _reject_by_spare(self) -> None:
         """Send one client the answer that no more files can be open."""
         self.close()
         with contextlib.suppress(OSError):
@@ -328,7 +328,7 @@ class Connection:
             return
         first, *others = data.split(b"\n")
         if not others:
-            self._go_on(first)
+            self._continue(first)
             return
         if self._skips:
             self._skips = False
@@ -336,9 +336,9 @@ class Connection:
             self.lines.append(self._rest + first)
         self._rest = b""
         self.lines.extend(others[:-1])
-        self._go_on(others[-1])
+        self._continue(others[-1])
 
-    def _go_on(self, part: bytes) -> None:
+    def _continue(self, part: bytes) -> None:
         """Keep what is no whole line yet; of one that is too long, nothing."""
         if self._skips:
             return

@@ -177,7 +177,7 @@ class DoorServer:
                 lost=work.lost,
             )
         except CommandReusedError as error:
-            raise CommandReusedError(f"goal id {work.goal.said_id}: {error}") from None
+            raise CommandReusedError(f"goal id {work.goal.raw_goal_id}: {error}") from None
         if first is None:
             return True
         if not isinstance(ask, AddAsk):
@@ -291,7 +291,7 @@ class _Work:
         return Note(
             actor=self.goal.caller,
             source=f"action {self.goal.action}",
-            correlation=self.goal.said_id,
+            correlation=self.goal.raw_goal_id,
         )
 
     def outcome(self, *, succeeded: bool, text: str = "") -> Outcome:

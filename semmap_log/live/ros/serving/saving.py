@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, NoReturn, TypeAlias
 
-from semmap_log.core.io.disk import refuse_own_folder, replace_file
+from semmap_log.core.io.disk import check_outside_log, replace_file
 from semmap_log.core.model.doors import (
     MAX_DOOR_ID,
     NAN,
@@ -128,7 +128,7 @@ class DoorSaver:
             mode = stat.S_IFREG
         if not stat.S_ISREG(mode):
             self._refuse(file_name, "a link, folder or device has that name")
-        refuse_own_folder(self._log_folder, folder.resolve() / name)
+        check_outside_log(self._log_folder, folder.resolve() / name)
         if any(each.suffix == ".mcap" for each in folder.iterdir()):
             self._refuse(file_name, "lies in the folder of a log")
 

@@ -267,7 +267,7 @@ class DoorFollower:
             for followed in commits:
                 if Retracted in followed.batch:  # what it takes back is in the state
                     scope = Scope(event=followed.commit.last_event)
-                    self._state = self._log.opened_anew().state_in(scope)
+                    self._state = self._log.reopened_log().state_in(scope)
                 else:
                     self._state.apply(followed.batch)
                 self._doors = self._state.door_map()

@@ -80,7 +80,7 @@ def part_path(folder: Path, stem: str, part: str) -> Path:
     return folder / f"{stem}.{part}.parquet"
 
 
-def told_path(folder: Path, stem: str) -> Path:
+def binding_path(folder: Path, stem: str) -> Path:
     """Return the file that says what tables are of."""
     return folder / f"{stem}.json"
 
@@ -115,7 +115,7 @@ class SegmentTables:
         Raises:
             StaleIndexError: They belong to something else, or it is not known to what.
         """
-        path, wanted = told_path(folder, segment.path.stem), binding(segment)
+        path, wanted = binding_path(folder, segment.path.stem), binding(segment)
         try:
             told = unsealed(json.loads(read_own(path, _MOST_TOLD)))
             seals = {part: told["files"][part] for part in PARTS}

@@ -27,13 +27,13 @@ from semmap_log.log.replay.read_model.events_about import (
     FOLDER,
     PARTS,
     SegmentTables,
+    binding_path,
     has_pyarrow,
     part_path,
     tell,
-    told_path,
 )
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.segment_reading import SaidByCommits, batches_of
+from semmap_log.store.reading.segment_reading import NotesByCommit, batches_of
 from semmap_log.store.reading.segment_scan import Segment
 
 SAMPLED = 4096
@@ -291,7 +291,7 @@ def _make(folder: Path, segment: Segment, pause: Callable[[], None] | None) -> i
     from semmap_log.core.arrow.history_table import RowsByDoor, commit_table
     from semmap_log.core.arrow.parquet import FEW_ROWS, write_groups
 
-    rows, said = RowsByDoor(), SaidByCommits()
+    rows, said = RowsByDoor(), NotesByCommit()
     count = 0
     for page, batch in batches_of(segment, np.arange(len(segment.chunks))):
         said.take(page)
@@ -303,7 +303,7 @@ def _make(folder: Path, segment: Segment, pause: Callable[[], None] | None) -> i
     if not count:
         return 0
     stem = segment.path.stem
-    told_path(folder, stem).unlink(missing_ok=True)
+    binding_path(folder, stem).unlink(missing_ok=True)
     commits = said.commits()
     numbers = segment.header.first_event + np.arange(count)
     events = rows.sorted(commits.notes_of(numbers).astype(np.int32), commits.texts)
@@ -314,7 +314,7 @@ def _make(folder: Path, segment: Segment, pause: Callable[[], None] | None) -> i
     with _whole(part_path(folder, stem, COMMITS)) as temporary:
         groups = (table.slice(at, FEW_ROWS) for at in range(0, len(table), FEW_ROWS))
         write_groups(temporary, groups, table.slice(0, SAMPLED), pause)
-    with _whole(told_path(folder, stem)) as temporary:
+    with _whole(binding_path(folder, stem)) as temporary:
         temporary.write_text(tell(folder, stem, segment), "utf-8")
     return count
 

@@ -11,7 +11,7 @@ from semmap_log.analysis.probabilities.evidence.coverage import (
     WEEK,
     Coverage,
     spans_in_short,
-    spans_in_words,
+    spans_text,
 )
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.core.model.doors import DoorId
@@ -79,14 +79,14 @@ def test_a_door_never_seen_covers_nothing() -> None:
     coverage = Coverage.of(evidence(), LocalClock("UTC"))
 
     assert (168, 0.0) == (coverage.hours_never_seen, coverage.days)
-    assert ["at any hour"] == spans_in_words(~coverage.is_seen)
+    assert ["at any hour"] == spans_text(~coverage.is_seen)
 
 
 def test_a_night_is_one_span() -> None:
     """What is common to all days goes over midnight."""
     nights = week(*((day, 22, 24) for day in range(7)), *((day, 0, 6) for day in range(7)))
 
-    assert ["22:00-06:00"] == spans_in_words(nights)
+    assert ["22:00-06:00"] == spans_text(nights)
 
 
 @pytest.mark.parametrize(
@@ -107,5 +107,5 @@ def test_a_night_is_one_span() -> None:
 )  # fmt: skip
 def test_hours_are_told_as_people_say_them(hours, expected: list[str], short: str) -> None:
     """Whole days, then what is common to the others, then the rest."""
-    assert expected == spans_in_words(hours)
+    assert expected == spans_text(hours)
     assert short == spans_in_short(hours)

@@ -121,13 +121,13 @@ def test_what_was_seen_grows_old() -> None:
 def test_how_long_doors_stay_open_matters_not_only_how_often() -> None:
     """Of a door that changes by the hour little is left after two hours."""
     end = 24.0 * 60
-    now_ns, asked_ns = hours_ns([end]), hours_ns([end + 2.0])
+    now_ns, requested_ns = hours_ns([end]), hours_ns([end + 2.0])
     found = {}
     for mean_h in (1.0, 24.0):
         rng = np.random.default_rng(11)
         told = stretches_of(end - 0.5, mean_h, mean_h, rng)
         filtered = DoorFilter(evidence([*told, (end - 0.5, end, True)]).up_to(now_ns[0]), UTC)
-        found[mean_h] = float(filtered.predict(asked_ns, now_ns).p_open[0])
+        found[mean_h] = float(filtered.predict(requested_ns, now_ns).p_open[0])
 
     assert found[1.0] < 0.75
     assert found[24.0] > 0.85

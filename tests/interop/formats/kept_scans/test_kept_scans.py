@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semmap_log.analysis.scans.visit import KeptVisit, PlacedScan, Visit, folder_beside
+from semmap_log.analysis.scans.visit import KeptVisit, PlacedScan, Visit, scans_folder
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.errors import OutputError
 from semmap_log.interop.formats.kept_scans.reading import (
@@ -57,7 +57,7 @@ def test_visits_and_their_scans_come_back(tmp_path: Path) -> None:
 
     path = _keep(tmp_path / "office", [first, second])
 
-    assert path.parent == folder_beside(tmp_path / "office") == tmp_path / "office.scans"
+    assert path.parent == scans_folder(tmp_path / "office") == tmp_path / "office.scans"
     one, other = _read(tmp_path / "office")
     _assert_same(one, *first)
     _assert_same(other, *second)

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from semmap_log.interop.formats.kept_scans.scan_messages import ToldVisit, read_text, text_of
+from semmap_log.interop.formats.kept_scans.scan_messages import VisitRecord, read_text, text_of
 from tests.analysis.scans.some_visits import some_visit
 
-TOLD = ToldVisit(some_visit(laser="laser"), 0, (1.0, 2.0, 0.5, 0.9), (), 7)
+TOLD = VisitRecord(some_visit(laser="laser"), 0, (1.0, 2.0, 0.5, 0.9), (), 7)
 
 
 def test_a_text_tells_what_it_was_told() -> None:

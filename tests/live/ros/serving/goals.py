@@ -24,7 +24,7 @@ FIELDS = {
 
 
 def goal_of(
-    action: str, said_id: str, feedback: Callable[[float], None] = lambda _: None, **values: Any
+    action: str, raw_goal_id: str, feedback: Callable[[float], None] = lambda _: None, **values: Any
 ) -> Goal:
-    goal_id = hashlib.sha256(said_id.encode()).digest()[:16]
-    return Goal(action, goal_id, said_id, "/tester", values, feedback)
+    goal_id = hashlib.sha256(raw_goal_id.encode()).digest()[:16]
+    return Goal(action, goal_id, raw_goal_id, "/tester", values, feedback)

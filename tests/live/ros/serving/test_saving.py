@@ -123,7 +123,7 @@ def test_a_folder_that_is_exchanged_meanwhile_leads_nowhere(
         (root / "below").rename(root / "before")
         (root / "below").symlink_to(trap)
 
-    monkeypatch.setattr(saving, "refuse_own_folder", exchange)
+    monkeypatch.setattr(saving, "check_outside_log", exchange)
 
     outcome = server.run(goal_of("SaveDoorDB", "s", file_name="below/precious.yaml"))
 

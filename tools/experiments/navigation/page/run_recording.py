@@ -18,7 +18,7 @@ from navigation.records import Outcome
 from navigation.runs import Goal, Run, second_of
 from navigation.tables.grouped import has_map
 from semmap_log.core.folds.timeline import Timeline
-from semmap_log.core.io.disk import output_errors, whole_file
+from semmap_log.core.io.disk import atomic_file, output_errors
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import FloorMap
 from semmap_log.views.palette import DEFAULT, Rgb, packed
@@ -56,7 +56,7 @@ def write_recording(run: Run, path: Path) -> None:
     doors = door_lanes(run) if has_map(run.key.setup) else _without_map(run)
     with (
         output_errors(path),
-        whole_file(path) as temporary,
+        atomic_file(path) as temporary,
         open_recording(run.belief.info.log_id) as recording,
     ):
         recording.save(temporary, default_blueprint=layout(run, doors))

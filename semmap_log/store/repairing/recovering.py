@@ -26,16 +26,13 @@ from pathlib import Path
 
 from semmap_log.core.io.clock import Clock, SystemClock
 from semmap_log.core.io.disk import TEMPORARY_SUFFIX, sync_folder
-from semmap_log.core.io.made_logs import refuse_made
+from semmap_log.core.io.virtual_logs import check_not_virtual
 from semmap_log.core.model.commits import Note
 from semmap_log.core.model.events import Event, LogExported
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, LogExistsError
 from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
-from semmap_log.store.closed_mark import ClosedMark, write_mark
-from semmap_log.store.commit_records import CommitBuilder, Stamp
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     BAG_METADATA_NAME,
     FLOOR_MAP_CHANNEL,
     LOCK_NAME,
@@ -47,20 +44,23 @@ from semmap_log.store.form import (
     is_mark_name,
     segment_name,
 )
+from semmap_log.store.closed_mark import ClosedMark, write_mark
+from semmap_log.store.commit_records import CommitBuilder, Stamp
+from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo, SegmentHeader, Trimmed
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.salvage.recovery_plan import (
+from semmap_log.store.repairing.recovery_plan import (
     KeptBeginning,
     Loss,
     RecoveryPlan,
     TrimmedPart,
     plan_recovery,
 )
-from semmap_log.store.salvage.rewriting import Rewriter, chunks_of
+from semmap_log.store.repairing.rewriting import Rewriter, chunks_of
 from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.trimming.trimming import told_of
-from semmap_log.store.verification import GoneCommits, Progress, Verifier, WholeCommit, verify
+from semmap_log.store.verification import GoneCommits, Progress, ValidCommit, Verifier, verify
 from semmap_log.store.verification.file_place import DiskPlace
 from semmap_log.store.verification.findings import arrange
 from semmap_log.store.verification.keyframe_place import NewKeyframeCheck
@@ -132,7 +132,7 @@ def recover(
         if not found.has_to_do:
             return Recovered(found, log if kept else None, kept)
         header = _header(found, entropy, is_new=not found.keeps_numbers)
-        with new_folder_beside(log) as folder:
+        with new_sibling_folder(log) as folder:
             made = LogFolder.held(folder)
             new_lock = WriterLock(made)
             try:
@@ -182,7 +182,7 @@ def recover_into(
     if not found.has_to_do:
         return Recovered(found, None, None)
     try:
-        with new_folder_beside(target) as folder:
+        with new_sibling_folder(target) as folder:
             header = _header(found, entropy, is_new=True)
             made = LogFolder.held(folder)
             new = NewLog(made, target.name, header, parts.new_source, found.trimmed)
@@ -197,7 +197,7 @@ def recover_into(
     return Recovered(found, target, None)
 
 
-def loss_in_words(found: RecoveryPlan) -> str:
+def loss_text(found: RecoveryPlan) -> str:
     """Return what a recovery loses, in a sentence for the log itself."""
     if not found.losses and not found.dropped:
         return "nothing was lost"
@@ -220,7 +220,7 @@ def _range(loss: Loss) -> str:
 
 
 def _check_is_folder(log: Path) -> None:
-    refuse_made(log)
+    check_not_virtual(log)
     if not log.is_dir():
         raise LogError(f"{log}: expected a log's folder.")
     if not arrange(DiskPlace(log)).segments:
@@ -251,7 +251,7 @@ def _write(
         )
         verifier.run()
         source = f"{found.path.name} ({found.verification.log_id})"
-        new.finish(source, loss_in_words(found), clock, entropy)
+        new.finish(source, loss_text(found), clock, entropy)
     except BaseException:
         new.abandon()
         raise
@@ -307,11 +307,11 @@ class NewLog:
         writer = beginning.copy_to(self.folder, self._name, self._next.info)
         self._closed.append(writer.closed_segment())
         head, last_ns = writer.written.head, writer.statistics().message_end_time
-        self.rewriter.begin_behind(beginning.next_event, head, last_ns)
+        self.rewriter.continue_after(beginning.next_event, head, last_ns)
         self._next = writer.header.next(beginning.next_event, head)
         self._keyframes = self._new_source(self.folder, holds_nothing_back, LogReader(self.folder))
 
-    def add(self, whole: WholeCommit) -> None:
+    def add(self, whole: ValidCommit) -> None:
         """Append a commit that survives, if it is not there yet."""
         if self._beginning is not None and whole.commit.last_event < self._beginning.next_event:
             return
@@ -324,7 +324,7 @@ class NewLog:
         if self._beginning is not None and gone.tombstone.first_event < self._beginning.next_event:
             return
         segment = self._segment_for(gone.time_ns, self.rewriter.last_ns)
-        self._write(segment, [self.rewriter.go_on_behind(gone)])
+        self._write(segment, [self.rewriter.rewrite_gone(gone)])
 
     def _write(self, segment: SegmentWriter, records: list[bytes]) -> None:
         for chunk, next_event in chunks_of(records, segment.header.first_event):
@@ -421,7 +421,7 @@ def beside(log: Path) -> Path:
 
 
 @contextmanager
-def new_folder_beside(log: Path) -> Iterator[Path]:
+def new_sibling_folder(log: Path) -> Iterator[Path]:
     """Yield an empty, marked folder next to a log's; it is removed if the block fails."""
     folder = beside(log)
     if folder.is_symlink() or folder.exists():

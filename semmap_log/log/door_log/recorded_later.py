@@ -21,7 +21,7 @@ AT_ALONE = 'with all that is known today, ask --at "{then}" alone'
 """What to do about it when a map is requested; `{then}` is the moment."""
 
 
-def known_later(
+def recorded_later(
     log: DoorLog,
     at: Time,
     known_at: Time,
@@ -46,9 +46,9 @@ def known_later(
         LogError: There is no event of that number.
     """
     happened, known = log.moment(at), log.known_moment(known_at)
-    moment_ns = moment_asked_ns(log, happened, known)
+    moment_ns = query_moment_ns(log, happened, known)
     if known == Moment():
-        return _told_of_early(log, moment_ns, door)
+        return _note_of_early(log, moment_ns, door)
     window = Window(
         happened_before_ns=moment_ns + 1,
         recorded_from_ns=None if known.ns is None else known.ns + 1,
@@ -67,7 +67,7 @@ def known_later(
     )
 
 
-def moment_asked_ns(log: DoorLog, at: Moment, known_at: Moment) -> int:
+def query_moment_ns(log: DoorLog, at: Moment, known_at: Moment) -> int:
     """Return the moment that a question is about: of `at`, else `known_at`, else the log's end.
 
     Raises:
@@ -82,14 +82,14 @@ def moment_asked_ns(log: DoorLog, at: Moment, known_at: Moment) -> int:
     return log.end_ns() if known_at.ns is None else known_at.ns
 
 
-def _told_of_early(log: DoorLog, moment_ns: int, door: DoorId | None) -> str:
+def _note_of_early(log: DoorLog, moment_ns: int, door: DoorId | None) -> str:
     early = log.early_events()
     if door is not None:
         early = early.of(door)
     if not early.counts or min(early.first_ns.values()) > moment_ns:
         return ""
     since = format_local(min(early.first_ns.values()), log.info.timezone)
-    return f"{early.in_words(log.door_labels(), since)}; {remedy_of_early(log.path)}"
+    return f"{early.as_text(log.door_labels(), since)}; {remedy_of_early(log.path)}"
 
 
 def state_reason(log: DoorLog, door_id: DoorId, scope: Scope) -> StateReason:

@@ -5,8 +5,8 @@ rewriting       a commit in its new place, with its new event numbers
 recovering      the new log, which replaces the old one; the old one is kept
 """
 
-from semmap_log.store.salvage.recovering import Recovered, StateParts, recover, recover_into
-from semmap_log.store.salvage.recovery_plan import Loss, RecoveryPlan, plan_recovery
+from semmap_log.store.repairing.recovering import Recovered, StateParts, recover, recover_into
+from semmap_log.store.repairing.recovery_plan import Loss, RecoveryPlan, plan_recovery
 
 __all__ = [
     "Loss",

@@ -13,17 +13,17 @@ from semmap_log.core.texts import command_line
 from semmap_log.errors import LogAccessError
 
 
-class MadeLog(Protocol):
+class VirtualLog(Protocol):
     """The files of a log that was made; they stay at least as long as this is held."""
 
     path: Path
     """Their folder."""
 
 
-_makers: dict[str, Callable[[Path], MadeLog]] = {}
+_makers: dict[str, Callable[[Path], VirtualLog]] = {}
 
 
-def register_maker(suffix: str, make: Callable[[Path], MadeLog]) -> None:
+def register_maker(suffix: str, make: Callable[[Path], VirtualLog]) -> None:
     """Let files with a suffix be opened as the logs that are made of them.
 
     Args:
@@ -33,30 +33,30 @@ def register_maker(suffix: str, make: Callable[[Path], MadeLog]) -> None:
     _makers[suffix] = make
 
 
-def is_called_as_made(path: PurePath) -> bool:
+def has_virtual_suffix(path: PurePath) -> bool:
     """Return whether a path has the name of a definition of such a log."""
     return path.name.lower().endswith(tuple(_makers)) if _makers else False
 
 
-def made_log(path: Path) -> MadeLog | None:
+def virtual_log(path: Path) -> VirtualLog | None:
     """Return the log that is made of a file; None: the path is another thing.
 
     Raises:
         LogError: It cannot be made.
     """
-    if not is_called_as_made(path) or not path.is_file():
+    if not has_virtual_suffix(path) or not path.is_file():
         return None
     suffix = next(each for each in _makers if path.name.lower().endswith(each))
     return _makers[suffix](path)
 
 
-def refuse_made(path: Path) -> None:
+def check_not_virtual(path: Path) -> None:
     """Keep whoever wants to write from a log that is made of others.
 
     Raises:
         LogAccessError: It is one.
     """
-    if is_called_as_made(path) and path.is_file():
+    if has_virtual_suffix(path) and path.is_file():
         line = command_line("join", path, "--write", "NEW")
         raise LogAccessError(
             f"{path}: a join of logs can only be read. Write to one of its logs, or make a log of "

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from semmap_log.core.messages import layout, read_message, type_name, write_message
 from semmap_log.core.model.commits import NO_CONTENT, Note
 from semmap_log.store import records as mcap
-from semmap_log.store.compaction.merge import Pause, no_pause, pages
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     CHUNK_BYTES,
     COMMIT_CHANNEL,
     KEYFRAME_CHANNEL,
@@ -30,6 +29,7 @@ from semmap_log.store.form import (
     TOMBSTONE_CHANNEL,
     kind_of_channel,
 )
+from semmap_log.store.compaction.merge import Pause, no_pause, pages
 from semmap_log.store.gone_commands import (
     UNKNOWN,
     CommandSeal,
@@ -156,7 +156,7 @@ class KeptRecords(NamedTuple):
     """Number of the first event after them."""
 
 
-class RecordsLeft:
+class RemainingRecords:
     """A pass over adjacent segments, and what goes in it."""
 
     def __init__(self, sources: Sequence[Segment], selection: Selection) -> None:

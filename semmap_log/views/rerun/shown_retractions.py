@@ -12,7 +12,7 @@ from semmap_log.views.excerpt.span import Excerpt
 
 
 @dataclass(frozen=True, slots=True)
-class TakenBack:
+class ShownRetraction:
     """A retraction."""
 
     edge: RecordingEdge
@@ -21,7 +21,7 @@ class TakenBack:
     """The doors of the events that it hides."""
 
 
-def taken_back(excerpt: Excerpt) -> Iterator[TakenBack]:
+def taken_back(excerpt: Excerpt) -> Iterator[ShownRetraction]:
     """Yield the retractions of door events along `recorded`, numbers ascending."""
     later = excerpt.retractions.after(excerpt.number_before())
     for number, (first, last) in zip(later.numbers, later.ranges, strict=True):
@@ -29,7 +29,7 @@ def taken_back(excerpt: Excerpt) -> Iterator[TakenBack]:
         if excerpt.until_ns is not None and recorded_ns >= excerpt.until_ns:
             return
         if doors := _doors(excerpt, first, min(last, number - 1)):
-            yield TakenBack(RecordingEdge(recorded_ns, number, recorded_ns), doors)
+            yield ShownRetraction(RecordingEdge(recorded_ns, number, recorded_ns), doors)
 
 
 def _doors(excerpt: Excerpt, first: int, last: int) -> frozenset[DoorId]:

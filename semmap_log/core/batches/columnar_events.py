@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
-class TakenColumns(list[DoorEvent]):
+class ColumnarEvents(list[DoorEvent]):
     """Events about doors in a list that stays as it is; doors and times are columns, too."""
 
     __slots__ = ("_are_timed", "door_ids", "happened_ns", "kinds")
@@ -82,7 +82,7 @@ class TakenColumns(list[DoorEvent]):
         return [wall_ns if time is None else time for time in self.happened_ns]
 
 
-class MadeOfColumns:
+class ColumnConstructor:
     """What makes batches of one kind, from a column for each of the kind's fields."""
 
     __slots__ = ()

@@ -21,15 +21,15 @@ from semmap_log.errors import LogError, SemmapError
 from semmap_log.log.replay import keyframes
 from semmap_log.log.replay.read_model.indexing import index_problems
 from semmap_log.log.replay.written_state import WrittenState
-from semmap_log.store import salvage, verification
-from semmap_log.store.copying import Copied, copy_log
-from semmap_log.store.form import (
+from semmap_log.store import repairing, verification
+from semmap_log.store.byte_layout import (
     CHUNK_BYTES,
     KEYFRAME_CHANNEL,
 )
+from semmap_log.store.copying import Copied, copy_log
 from semmap_log.store.pages import Page
 from semmap_log.store.records import MESSAGE
-from semmap_log.store.salvage import Recovered, RecoveryPlan, StateParts
+from semmap_log.store.repairing import Recovered, RecoveryPlan, StateParts
 from semmap_log.store.verification import Progress, Verification
 from semmap_log.store.verification.file_place import FilePlace
 from semmap_log.store.verification.findings import Finding, Severity
@@ -151,7 +151,7 @@ class ReplayKeyframeCheck:
             self._report(Finding("keyframe", Severity.NOTE, self._path, place.offset, None, text))
             return
         if self._is_stale:
-            self._fold_anew()
+            self._refold()
         if self._state is None:
             self._adopt(data, place)
         elif keyframes.encode(self._state) != data:
@@ -170,7 +170,7 @@ class ReplayKeyframeCheck:
             return
         self._good = [(self._state.event, place)]
 
-    def _fold_anew(self) -> None:
+    def _refold(self) -> None:
         """Fold once more, from the last right keyframe that rests on nothing retracted later."""
         self._is_stale = False
         self._state, hidden = None, self._hidden()
@@ -182,7 +182,7 @@ class ReplayKeyframeCheck:
             later = [(first, last) for number, first, last in self._retractions if number > event]
             behind = state.first_among(later)
             if behind is None:
-                for batch in self._batches_behind(event, place):
+                for batch in self._batches_after(event, place):
                     state.note_used_ids(batch)
                     state.apply(hidden.visible(batch))
                 self._state = state
@@ -200,7 +200,7 @@ class ReplayKeyframeCheck:
         assert state is not None  # it was right before
         return state
 
-    def _batches_behind(self, event: int, place: KeyframePlace) -> Iterator[EventBatch]:
+    def _batches_after(self, event: int, place: KeyframePlace) -> Iterator[EventBatch]:
         """Yield the events from a place on, as far as they have come."""
         parts: list[bytes | memoryview] = []
         for piece in chain(self._reread(place), [None]):
@@ -281,13 +281,13 @@ def _index_findings(path: PurePath | FilePlace) -> list[Finding]:
 
 
 def plan_recovery(path: Path, progress: Progress | None = None) -> RecoveryPlan:
-    """Read a log and return what a recovery would save and lose; as `salvage.plan_recovery`.
+    """Read a log and return what a recovery would save and lose; as `repairing.plan_recovery`.
 
     Raises:
         NewerLogError: It is damaged, and holds what only a later version can take over.
         LogError: It cannot be read, or is no log.
     """
-    return salvage.plan_recovery(path, ReplayKeyframeCheck, progress)
+    return repairing.plan_recovery(path, ReplayKeyframeCheck, progress)
 
 
 def recover(
@@ -297,14 +297,14 @@ def recover(
     clock: Clock | None = None,
     entropy: Callable[[int], bytes] = os.urandom,
 ) -> Recovered:
-    """Put what is whole of a damaged log in its place; as `salvage.recover`.
+    """Put what is whole of a damaged log in its place; as `repairing.recover`.
 
     Raises:
         LogLockedError: Somebody is writing.
         LogAccessError: The file system does not let us.
         LogError: There is no log, or what was made of it is not good; nothing is changed then.
     """
-    return salvage.recover(log, _PARTS, progress=progress, clock=clock, entropy=entropy)
+    return repairing.recover(log, _PARTS, progress=progress, clock=clock, entropy=entropy)
 
 
 def recover_into(
@@ -315,13 +315,13 @@ def recover_into(
     clock: Clock | None = None,
     entropy: Callable[[int], bytes] = os.urandom,
 ) -> Recovered:
-    """Make a new log of what is whole of a damaged one, which stays; as `salvage.recover_into`.
+    """Make a new log of what is whole of a damaged one, which stays; as `repairing.recover_into`.
 
     Raises:
         LogExistsError: There is something at the target.
         LogAccessError: The file system does not let us.
         LogError: There is no log, or what was made of it is not good; nothing is changed then.
     """
-    return salvage.recover_into(
+    return repairing.recover_into(
         log, target, _PARTS, progress=progress, clock=clock, entropy=entropy
     )

@@ -23,17 +23,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from semmap_log.core.io.made_logs import refuse_made
+from semmap_log.core.io.virtual_logs import check_not_virtual
 from semmap_log.core.messages import OBJECT_KINDS, decode, fixed_layout, layout
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.events import KINDS, DoorAdded, DoorEvent, HistoryTrimmed
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, ElsewhereError, LogError, NewerLogError
 from semmap_log.store import records as mcap
-from semmap_log.store.chunks import build_chunk
-from semmap_log.store.commit_records import Stamp, closing_record
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     CHUNK_BYTES,
     COMMIT_CHANNEL,
     KEYFRAME_CHANNEL,
@@ -43,6 +40,9 @@ from semmap_log.store.form import (
     kind_of_channel,
     segment_name,
 )
+from semmap_log.store.chunks import build_chunk
+from semmap_log.store.commit_records import Stamp, closing_record
+from semmap_log.store.folder import LogFolder
 from semmap_log.store.gone_commands import Tombstone, read_tombstone
 from semmap_log.store.header import LogInfo, SegmentHeader, Trimmed, TrimReason, with_all_of
 from semmap_log.store.pages import KEYFRAME_BIT, Page
@@ -50,16 +50,16 @@ from semmap_log.store.reading.segment_reading import commit_of, end_of, page_at
 from semmap_log.store.reading.segment_scan import Segment, open_segment
 from semmap_log.store.records import MESSAGE
 from semmap_log.store.removed_part import read_removed_part
-from semmap_log.store.salvage.rewriting import Rewriter
+from semmap_log.store.repairing.rewriting import Rewriter
 from semmap_log.store.segment import SegmentWriter
-from semmap_log.store.trimming.records_left import KeptRecords
+from semmap_log.store.trimming.remaining_records import KeptRecords
 from semmap_log.store.verification import (
     GoneCommits,
     Progress,
     Severity,
+    ValidCommit,
     Verification,
     Verifier,
-    WholeCommit,
 )
 from semmap_log.store.verification.file_heads import bytes_of
 from semmap_log.store.verification.file_place import Vanished
@@ -146,7 +146,7 @@ def plan_recovery(
         NewerLogError: It is damaged, and holds what only a later version can take over.
         LogError: It cannot be read, or is no log; or its horizon is damaged.
     """
-    refuse_made(path)
+    check_not_virtual(path)
     if path.is_dir():
         _check_is_all_here(path)
     taken = _Taken()
@@ -174,7 +174,7 @@ def plan_recovery(
     if is_beyond_us and found.of(Severity.DAMAGE):
         raise NewerLogError(
             f"{path}: damaged, and not to be recovered here: a newer version of semmap-log has "
-            f"written {_in_words(verifier.newer)} to it, and only that knows what a new number or "
+            f"written {_phrase(verifier.newer)} to it, and only that knows what a new number or "
             "a keyframe must make of them. Nothing was changed; recover with the newer version."
         )
     return RecoveryPlan(
@@ -193,7 +193,7 @@ def plan_recovery(
     )
 
 
-def _in_words(newer: Mapping[str, int]) -> str:
+def _phrase(newer: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {kind}" for kind, count in newer.items())
 
 
@@ -210,10 +210,10 @@ class _Taken:
         self._gaps: list[tuple[int, int | None, int | None, int | None]] = []
         self.trimmed = TrimmedParts()
 
-    def add(self, whole: WholeCommit, verifier: Verifier) -> None:
+    def add(self, whole: ValidCommit, verifier: Verifier) -> None:
         """Take the next commit that is whole; one of the beginning is taken over as it is."""
         commit, below = whole.commit, kept_below(verifier.arrangement)
-        self._go_on(commit.first_event, commit.last_event + 1, commit.recorded_ns)
+        self._continue(commit.first_event, commit.last_event + 1, commit.recorded_ns)
         self.span_ns = (self.span_ns or (commit.recorded_ns, 0))[0], commit.closed_ns
         self._note_doors(whole)
         if commit.last_event < below:
@@ -222,7 +222,7 @@ class _Taken:
             return
         numbers, dropped = self.rewriter.numbers, len(self.rewriter.dropped)
         if numbers.next_event < below:
-            self.rewriter.begin_behind(below, commit.previous_hash, commit.recorded_ns - 1)
+            self.rewriter.continue_after(below, commit.previous_hash, commit.recorded_ns - 1)
         before = numbers.next_event
         self.commits += bool(self.rewriter.rewrite(whole))
         self.events += whole.left - (len(self.rewriter.dropped) - dropped)
@@ -232,17 +232,17 @@ class _Taken:
     def add_gone(self, gone: GoneCommits, verifier: Verifier) -> None:
         """Take in what stands for commits that were taken out."""
         one, below = gone.tombstone, kept_below(verifier.arrangement)
-        self._go_on(one.first_event, one.next_event, gone.time_ns)
+        self._continue(one.first_event, one.next_event, gone.time_ns)
         if one.first_event < below:
             return
         numbers = self.rewriter.numbers
         if numbers.next_event < below:
-            self.rewriter.begin_behind(below, one.previous_hash, gone.time_ns)
+            self.rewriter.continue_after(below, one.previous_hash, gone.time_ns)
         before = numbers.next_event
-        self.rewriter.go_on_behind(gone)
+        self.rewriter.rewrite_gone(gone)
         self.trimmed.add(verifier.place, before, numbers.next_event, one.reasons)
 
-    def _go_on(self, first_event: int, next_event: int, time_ns: int) -> None:
+    def _continue(self, first_event: int, next_event: int, time_ns: int) -> None:
         """Note which events are lost before what comes next."""
         last_ns = self.span_ns[1] if self.span_ns else None
         if first_event > self._next:
@@ -273,7 +273,7 @@ class _Taken:
             losses.append(Loss(first, last, after_ns, before_ns, files, why))
         return losses
 
-    def _note_doors(self, whole: WholeCommit) -> None:
+    def _note_doors(self, whole: ValidCommit) -> None:
         """Remember which doors its events are about, and which it adds."""
         for part in whole.parts:
             for channel, _, _, _, start, end in part.piece.messages[part.first : part.last]:
@@ -439,7 +439,7 @@ def kept_beginning(
         trimmed = segment.header.trimmed
         damage = [finding for finding in verified.of(Severity.DAMAGE) if finding.path == path]
         if not damage and trimmed is not None and trimmed.horizon:
-            return KeptBeginning(segment, trimmed, _state_behind(found, segment, trimmed))
+            return KeptBeginning(segment, trimmed, _state_after(found, segment, trimmed))
         if [finding.kind for finding in damage] == ["keyframe"] and trimmed is not None:
             SplitSegment(segment, trimmed.horizon)  # raises where that is not what is wrong
             return KeptBeginning(segment, trimmed, None, is_split=True)
@@ -452,7 +452,7 @@ def kept_beginning(
     )
 
 
-def _state_behind(found: FolderFiles, segment: Segment, trimmed: Trimmed) -> bytes | None:
+def _state_after(found: FolderFiles, segment: Segment, trimmed: Trimmed) -> bytes | None:
     """Return the keyframe at the head of the second segment, if the state at the horizon is there.
 
     Of that segment no more need be whole than the chunk with it.

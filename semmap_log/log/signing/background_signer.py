@@ -12,7 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from semmap_log.core.io.work_beside import AbandonedWork, WorkBeside
+from semmap_log.core.io.background_task import AbandonedWork, BackgroundTask
 from semmap_log.core.model.commits import Durability
 from semmap_log.core.texts import command_line
 from semmap_log.errors import SigningError
@@ -20,8 +20,8 @@ from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.log_signing import LogSigning, reach_at, read_for_signing, unwritten
 from semmap_log.log.signing.signer_state import Reach, Signer, SignerState
 from semmap_log.log.signing.statement import Statement
+from semmap_log.store.byte_layout import mark_names
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.form import mark_names
 from semmap_log.store.reading.reader import LogReader
 
 if TYPE_CHECKING:
@@ -37,10 +37,10 @@ PAUSE_S = 0.0005
 """Waited between two chunks: an append that waits for the interpreter goes first."""
 
 
-class SignBeside:
+class BackgroundSigner:
     """Signs the end of a log while it is written, and once more when it is closed.
 
-    with SignBeside("office", key) as signer, sl.append("office", signer=signer) as log:
+    with BackgroundSigner("office", key) as signer, sl.append("office", signer=signer) as log:
         log.observe(door, "open")
 
     The order matters: the writer closes its last segment first, and that is signed then. The
@@ -73,7 +73,9 @@ class SignBeside:
         self._key = key
         self._adopt = adopt
         self._tell = tell
-        self._thread = WorkBeside("semmap_log signing", self._look, pause_s=every_s, end_s=end_s)
+        self._thread = BackgroundTask(
+            "semmap_log signing", self._look, pause_s=every_s, end_s=end_s
+        )
         self._sessions: list[_Session] = []
         """One for each writer that it was given; the last one is active."""
         self._marks: str | None = None
@@ -98,7 +100,7 @@ class SignBeside:
         """Sign what this writer appends from now on; before it appends anything."""
         session = _Session(writer)
         if self._sessions:
-            session.goes_on_from(self._sessions[-1])
+            session.continues_from(self._sessions[-1])
         self._sessions.append(session)
         if len(self._sessions) == 1:
             self._thread.start()
@@ -200,7 +202,7 @@ class SignBeside:
         self.problem = problem
 
     def _pause(self, _done: int, _total: int) -> None:
-        self._thread.go_on(PAUSE_S)
+        self._thread.proceed(PAUSE_S)
 
 
 class _Session:
@@ -216,7 +218,7 @@ class _Session:
         self.base_commits = 0
         """How many commits the writer had appended then."""
 
-    def goes_on_from(self, before: _Session) -> None:
+    def continues_from(self, before: _Session) -> None:
         """Take over what is known, if this writer begins where that one has ended."""
         ended, start = before._writer.written, self.start
         is_next = (ended.next_event, ended.head) == (start.next_event, start.head)

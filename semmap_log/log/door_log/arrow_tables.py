@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from semmap_log.core.arrow.table import HISTORY_COLUMNS, RETRACTED, SAID, THEN, Column
 from semmap_log.core.batches.event_batch import EventBatch, Retractions
-from semmap_log.core.folds.door_changes import NamesThen, levels_told
+from semmap_log.core.folds.door_changes import NamesAsOf, affected_levels
 from semmap_log.core.io.prefetch import ahead
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import NOTE_TEXTS
@@ -35,15 +35,15 @@ from semmap_log.log.replay.read_model.events_about import (
     not_used,
     tables_of,
 )
-from semmap_log.store.pages import bits_of_kinds
+from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.segment_reading import SaidFinder, end_of
+from semmap_log.store.reading.segment_reading import NoteFinder, end_of
 from semmap_log.store.reading.segment_scan import Segment
 from semmap_log.store.reading.window import Window
 
 if TYPE_CHECKING:
     from semmap_log.core.arrow.arrow_sdk import pa
-    from semmap_log.core.arrow.history_table import TextsThen
+    from semmap_log.core.arrow.history_table import TextsAsOf
 
 
 WORTH_A_TABLE = 1 / 4
@@ -134,7 +134,7 @@ def _maker(reader: LogReader, columns: Sequence[Column]) -> Callable[[pa.Table],
 
     known = reader.retractions()
     wanted = {column.name for column in columns}
-    names = names_then(reader, known, wanted, None) if THEN[0] in columns else None
+    names = names_as_of(reader, known, wanted, None) if THEN[0] in columns else None
 
     def of_rows(rows: pa.Table) -> pa.Table:
         made = {column.name: stored_column(rows, column.name) for column in columns}
@@ -201,8 +201,10 @@ def event_tables(
 
     wanted = {column.name for column in columns}
     known = reader.retractions(limit=limit)
-    names = names_then(reader, known, wanted, limit) if wanted & {_DOOR_NAME, _LEVEL_NAME} else None
-    finder = SaidFinder(reader.commit_at, with_notes=not wanted.isdisjoint(NOTE_TEXTS))
+    names = (
+        names_as_of(reader, known, wanted, limit) if wanted & {_DOOR_NAME, _LEVEL_NAME} else None
+    )
+    finder = NoteFinder(reader.commit_at, with_notes=not wanted.isdisjoint(NOTE_TEXTS))
     says = any(column in SAID for column in columns)
 
     def look_at_rows(_: Segment, tables: SegmentTables, __: EventBatch) -> None:
@@ -220,20 +222,20 @@ def event_tables(
                 columns,
                 retracted=known.hidden(batch),
                 commits=finder.commits_of(batch.number) if says else None,
-                then=_texts_then(batch, names, wanted),
+                then=_texts_as_of(batch, names, wanted),
             )
 
 
-def _texts_then(batch: EventBatch, names: NamesThen | None, wanted: Collection[str]) -> TextsThen:
+def _texts_as_of(batch: EventBatch, names: NamesAsOf | None, wanted: Collection[str]) -> TextsAsOf:
     if names is None:
         return {}
     asked = {_DOOR_NAME: names.door_names, _LEVEL_NAME: names.level_names}
     return {name: texts_of(batch) for name, texts_of in asked.items() if name in wanted}
 
 
-def names_then(
+def names_as_of(
     reader: LogReader, known: Retractions, wanted: Collection[str], limit: int | None
-) -> NamesThen:
+) -> NamesAsOf:
     """Return what gives the names of doors and levels at the time of events.
 
     Events that set them are rare except updates, which most logs with one level need not read.
@@ -244,17 +246,17 @@ def names_then(
         wanted: Names of columns.
         limit: The number of the last event that counts; None: all do.
     """
-    names, levels = NamesThen(), {0}
+    names, levels = NamesAsOf(), {0}
     before = None if limit is None else limit + 1
 
     def take(batches: Iterable[EventBatch]) -> None:
         for batch in batches:
-            levels.update(levels_told(batch))
+            levels.update(affected_levels(batch))
             names.apply(known.visible(batch))
 
     with_levels = _LEVEL_NAME in wanted
     kinds = [*ADDING_KINDS, DoorAnnotated, *([LevelAdded, FloorMap] if with_levels else [])]
-    take(reader.batches(Window(kinds=bits_of_kinds(kinds), before_event=before)))
+    take(reader.batches(Window(kinds=kinds_mask(kinds), before_event=before)))
     if with_levels and len(levels) > 1:  # doors are only on known levels
         take(_moves(reader, before))
     return names
@@ -262,7 +264,7 @@ def names_then(
 
 def _moves(reader: LogReader, before: int | None) -> Iterator[EventBatch]:
     """Yield the events that may put doors elsewhere, and what stands for those that are gone."""
-    kinds = bits_of_kinds(kind for kind in POSE_KINDS if kind not in ADDING_KINDS)
+    kinds = kinds_mask(kind for kind in POSE_KINDS if kind not in ADDING_KINDS)
     window = Window(kinds=kinds, before_event=before)
     if reader.horizon:
         from semmap_log.log.replay.state import events_at_horizon

@@ -16,18 +16,18 @@ import numpy as np
 
 from semmap_log.core.messages import fixed_layout
 from semmap_log.core.model.events import Retracted, SightingsThinned
-from semmap_log.store.chunks import BuiltChunk, build_chunk
-from semmap_log.store.commit_records import Stamp, closing_record
-from semmap_log.store.form import (
+from semmap_log.store.byte_layout import (
     CHUNK_BYTES,
     NO_HASH,
     NOTE_CHANNEL,
     TOMBSTONE_CHANNEL,
     kind_of_channel,
 )
+from semmap_log.store.chunks import BuiltChunk, build_chunk
+from semmap_log.store.commit_records import Stamp, closing_record
 from semmap_log.store.gone_commands import Tombstone
 from semmap_log.store.records import MESSAGE, message
-from semmap_log.store.verification import GoneCommits, WholeCommit
+from semmap_log.store.verification import GoneCommits, ValidCommit
 from semmap_log.store.verification.hash_chain import SEQUENCE_RANGE
 
 
@@ -51,7 +51,7 @@ class Rewriter:
         self.has_changed = False
         """Whether a commit has got another hash, or was dropped."""
 
-    def begin_behind(self, next_event: int, head: bytes, last_ns: int) -> None:
+    def continue_after(self, next_event: int, head: bytes, last_ns: int) -> None:
         """Continue after commits that are taken over unchanged.
 
         Args:
@@ -62,7 +62,7 @@ class Rewriter:
         self.numbers.keep_all_below(next_event)
         self.head, self.last_ns = head, last_ns
 
-    def rewrite(self, whole: WholeCommit) -> list[bytes]:
+    def rewrite(self, whole: ValidCommit) -> list[bytes]:
         """Return the records of a commit in its new place; none if no event of it is left."""
         commit, first = whole.commit, self.numbers.next_event
         durable_before = min(self.numbers.below(commit.durable_before), first)
@@ -101,7 +101,7 @@ class Rewriter:
         self.last_ns = time
         return [*records, record]
 
-    def go_on_behind(self, gone: GoneCommits) -> bytes:
+    def rewrite_gone(self, gone: GoneCommits) -> bytes:
         """Return the Tombstone of whole commits that were taken out, in its new place."""
         old, first, before = gone.tombstone, self.numbers.next_event, self.head
         self.numbers.keep(old.first_event, old.count)
@@ -163,7 +163,7 @@ def _chunk(records: list[bytes], segment_first: int) -> tuple[BuiltChunk, int]:
     return build_chunk(b"".join(records), np.cumsum(sizes)), next_event
 
 
-def _records_of(whole: WholeCommit) -> Iterator[tuple[int, int, bytes | memoryview]]:
+def _records_of(whole: ValidCommit) -> Iterator[tuple[int, int, bytes | memoryview]]:
     """Yield (channel, event number, record); what stands for records that are gone is left out."""
     first = whole.commit.first_event
     for part in whole.parts:

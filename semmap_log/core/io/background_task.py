@@ -22,7 +22,7 @@ class AbandonedWork(Exception):  # noqa: N818  # no error: the way out of the wo
     """Nobody waits any more."""
 
 
-class WorkBeside:
+class BackgroundTask:
     """A thread that looks whether there is something to do, until it is closed."""
 
     def __init__(self, name: str, look: Look, *, pause_s: float, end_s: float) -> None:
@@ -68,7 +68,7 @@ class WorkBeside:
         finally:
             self._abandoned.set()
 
-    def go_on(self, wait_s: float = 0.0) -> None:
+    def proceed(self, wait_s: float = 0.0) -> None:
         """Let others go first for so long, from within the work.
 
         Raises:

@@ -14,15 +14,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from semmap_log.core.io.background_task import AbandonedWork, BackgroundTask
 from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.core.io.url_path import UrlPath, place_of
-from semmap_log.core.io.work_beside import AbandonedWork, WorkBeside
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import NotALogError
 from semmap_log.fleet.shipping import Shipped, ship
+from semmap_log.store.byte_layout import BAG_METADATA_NAME
 from semmap_log.store.closed_mark import listed_marks
 from semmap_log.store.folder import LogFolder, Version
-from semmap_log.store.form import BAG_METADATA_NAME
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -32,7 +32,7 @@ END_S = 30.0
 
 
 @dataclass(frozen=True, slots=True)
-class ShippingPauses:
+class ShippingIntervals:
     """How long the thread waits, in seconds."""
 
     look_s: float = 1.0
@@ -58,10 +58,10 @@ class ShippingStatus:
     """Whether every closed segment is in the store."""
 
 
-class ShipBeside:
+class BackgroundShipper:
     """Ships a log's closed segments while it is being written, and once more at the end.
 
-    with ShipBeside("office", "s3://hospital/logs/office"), sl.append("office") as log:
+    with BackgroundShipper("office", "s3://hospital/logs/office"), sl.append("office") as log:
         log.observe(door, "open")
 
     The order matters: the writer closes its last segment first, which is then sent.
@@ -73,7 +73,7 @@ class ShipBeside:
         place: str | UrlPath | ObjectStore,
         *,
         tell: Callable[[str], None] = lambda _: None,
-        pauses: ShippingPauses = ShippingPauses(),
+        pauses: ShippingIntervals = ShippingIntervals(),
         end_s: float = END_S,
     ) -> None:
         """Take the log and the store, without a request or a thread yet.
@@ -93,7 +93,7 @@ class ShipBeside:
         self._store = place if isinstance(place, ObjectStore) else ObjectStore(_url(place))
         self._tell = tell
         self._pauses = pauses
-        self._thread = WorkBeside(
+        self._thread = BackgroundTask(
             "semmap_log shipping", self._look, pause_s=pauses.look_s, end_s=end_s
         )
         self._status = ShippingStatus()
@@ -176,7 +176,7 @@ class ShipBeside:
     def _try(self) -> None:
         closed = self._seen
         try:
-            done = ship(self._folder.absolute, self._store, lambda *_: self._thread.go_on())
+            done = ship(self._folder.absolute, self._store, lambda *_: self._thread.proceed())
         except AbandonedWork:
             return
         except Exception as error:  # noqa: BLE001 - whatever it is, the writer goes on

@@ -29,7 +29,7 @@ MOST_WORD = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class AskedQuestion:
+class ParsedQuestion:
     """A question that was understood."""
 
     question: Question
@@ -54,7 +54,7 @@ class AskedQuestion:
         return self.when is self.known_at is self.learnt_at is None
 
 
-def read_words(words: Sequence[Word], command_id: bytes | None = None) -> AskedQuestion:
+def read_words(words: Sequence[Word], command_id: bytes | None = None) -> ParsedQuestion:
     """Parse a question's words, its name first.
 
     Raises:
@@ -99,12 +99,12 @@ class _Reader:
         self._question = question
         self._words = words
 
-    def read(self, command_id: bytes | None) -> AskedQuestion:
+    def read(self, command_id: bytes | None) -> ParsedQuestion:
         """Return the question."""
         question = self._question
         if question.times is Times.KNOWN_AT:
             return self._read_believed()
-        asked = AskedQuestion(question, command_id=command_id)
+        asked = ParsedQuestion(question, command_id=command_id)
         for each in question.arguments:
             if not self._words:
                 self._refuse(f"expected {each.value}, got nothing more")
@@ -119,7 +119,7 @@ class _Reader:
             )
         return asked
 
-    def _read_believed(self) -> AskedQuestion:
+    def _read_believed(self) -> ParsedQuestion:
         if len(self._words) < 3 or self._words[-2] != AT:
             self._refuse("expected a question, AT and a time")
         *inner, _, time = self._words
@@ -131,7 +131,7 @@ class _Reader:
             self._refuse(f"{asked.question.name} cannot be asked of what was known")
         return replace(asked, known_at=self._time(time))
 
-    def _take_time(self, asked: AskedQuestion) -> AskedQuestion:
+    def _take_time(self, asked: ParsedQuestion) -> ParsedQuestion:
         """Return the question with the time that its last words name, if they do."""
         times = self._question.times
         if not self._words:
@@ -145,7 +145,7 @@ class _Reader:
             return replace(asked, when=self._time(self._words.pop(0)))
         return asked
 
-    def _take(self, what: Type, asked: AskedQuestion) -> AskedQuestion:
+    def _take(self, what: Type, asked: ParsedQuestion) -> ParsedQuestion:
         word = self._words.pop(0)
         if what is Type.DOOR:
             return replace(asked, doors=(self._door(word),))
