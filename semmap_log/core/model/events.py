@@ -394,7 +394,7 @@ AnyEvent: TypeAlias = (
 )
 """An event of any kind, for a `match` that type checkers hold to have a case for each of them. The
 number of a kind is its place in this list, from 1 on: it only ever grows at its end, before
-`UnknownEvent`, with the format's minor version (`log.form.KINDS_OF_MINOR`)."""
+`UnknownEvent`, with the format's minor version (`store.byte_layout.KINDS_OF_MINOR`)."""
 
 KINDS: tuple[type[Event], ...] = get_args(AnyEvent)[:-1]
 """Every kind of event but `UnknownEvent`, which stands last."""

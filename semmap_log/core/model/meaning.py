@@ -261,7 +261,7 @@ class Event:
 
     changes_nothing: ClassVar[bool] = False
     """Whether programs that do not know a kind, added to the format later, may leave it out, since
-    no answer about other events depends on it. `store.form` states what that guarantees."""
+    no answer about other events depends on it. `store.byte_layout` states what that guarantees."""
 
     rules: ClassVar[KindRules] = KindRules(MappingProxyType({}), ())
     """What its values can be; `fits` are among them."""
