@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import semmap_log as sl
+from semmap_log.live.planners import parsed_questions
 from tests.live.oprs.conftest import StartServer, StartStub
 from tests.live.oprs.line_server import Answer
 from tests.live.oprs.workshop import run_in
