@@ -7,19 +7,7 @@ from typing import Annotated
 
 import typer
 
-from semmap_log.cli.common import (
-    AsHappened,
-    AsJson,
-    At,
-    DoorName,
-    KnownAt,
-    LogPath,
-    as_happened_line,
-    check_recorded,
-    console,
-    print_json,
-    progress,
-)
+from semmap_log.cli import common
 from semmap_log.cli.probabilities import Estimator, Zone
 
 
@@ -31,21 +19,21 @@ class State(str, Enum):
 
 
 def run(
-    log: LogPath,
-    door: DoorName,
+    log: common.LogPath,
+    door: common.DoorName,
     *,
     state: Annotated[
         State, typer.Option("--state", help="Likeliest in which state.", case_sensitive=False)
     ] = State.open,
-    at: At = None,
-    known_at: KnownAt = None,
-    as_happened: AsHappened = False,
+    at: common.At = None,
+    known_at: common.KnownAt = None,
+    as_happened: common.AsHappened = False,
     estimator: Estimator = None,
     tz: Zone = None,
     most: Annotated[
         int, typer.Option("-n", min=1, max=168, metavar="N", help="So many of each.")
     ] = 5,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Show when to go: the next hours, and hours of the week, in which a door is likeliest open.
 
@@ -67,7 +55,7 @@ def run(
     from semmap_log.views.timeline_table import best_time_table
 
     opened = read(log)
-    with progress("Reading") as told:
+    with common.progress("Reading") as told:
         try:
             found = best_time(
                 opened, door, state.value, at=at, known_at=known_at, as_happened=as_happened,
@@ -75,12 +63,12 @@ def run(
             )  # fmt: skip
         except UnknownDoorError:
             if not as_happened:
-                line = as_happened_line("best-time", log, door)
-                check_recorded(
+                line = common.as_happened_line("best-time", log, door)
+                common.check_recorded(
                     opened, at, known_at, door=opened.resolve_any_door(door), remedy=line
                 )
             raise
     if as_json:
-        print_json(best_time_to_json(found, known_at_ns=opened.known_moment(known_at).ns))
+        common.print_json(best_time_to_json(found, known_at_ns=opened.known_moment(known_at).ns))
         return
-    console().print(best_time_table(found))
+    common.console().print(best_time_table(found))

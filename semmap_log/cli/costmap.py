@@ -11,24 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import (
-    AsJson,
-    At,
-    KnownAt,
-    LogPath,
-    MapServer,
-    OfClass,
-    OutFile,
-    UpToEvent,
-    check_map_recorded,
-    check_not_nan,
-    print_empty_log_hint,
-    print_json,
-    progress,
-    range_of,
-    say,
-    size_of,
-)
+from semmap_log.cli import common
 from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
@@ -58,19 +41,19 @@ class By(str, Enum):
 
 
 def run(
-    log: LogPath,
-    out: OutFile,
+    log: common.LogPath,
+    out: common.OutFile,
     *,
-    at: At = None,
-    known_at: KnownAt = None,
-    event: UpToEvent = None,
+    at: common.At = None,
+    known_at: common.KnownAt = None,
+    event: common.UpToEvent = None,
     level: Annotated[str | None, typer.Option(help="Level, by number or name.")] = None,
     floor_map: Annotated[
         Path | None,
         typer.Option("--map", metavar="MAP.YAML", help="The floor; default: the log's own."),
     ] = None,
     map_rules: Annotated[
-        MapServer | None,
+        common.MapServer | None,
         typer.Option("--map-rules", help="As which map_server to read --map; nav2."),
     ] = None,
     layer: Annotated[
@@ -99,7 +82,7 @@ def run(
         float | None,
         typer.Option("--inscribed", metavar="M", help="The robot's inscribed radius, metres."),
     ] = None,
-    object_class: OfClass = None,
+    object_class: common.OfClass = None,
     resolution: Annotated[
         float | None,
         typer.Option("--resolution", metavar="M", help="Without a floor: metres a cell; 0.05."),
@@ -119,7 +102,7 @@ def run(
         bool | None,
         typer.Option("--updates/--no-updates", help="Each change as an update, too (default)."),
     ] = None,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Draw the doors of a moment into a costmap, cell for cell as ROS's costmap_2d would.
 
@@ -155,8 +138,14 @@ def run(
     from semmap_log.interop.formats.json.plan_json import costmap_to_json
     from semmap_log.log.door_log.read_log import read
 
-    check_not_nan(inflate=inflate, door_inflate=door_inflate, scaling=scaling, inscribed=inscribed,
-               resolution=resolution, every=every)  # fmt: skip
+    common.check_not_nan(
+        inflate=inflate,
+        door_inflate=door_inflate,
+        scaling=scaling,
+        inscribed=inscribed,
+        resolution=resolution,
+        every=every,
+    )
     part = _part(layer, keepout=keepout)
     inflates = inflate != 0 or door_inflate != 0
     _check_useful(part, inflates=inflates, scaling=scaling, inscribed=inscribed)
@@ -166,7 +155,7 @@ def run(
     is_bag = is_bag_name(out)
     _check_not_given(of_a_moment if is_bag else over_time, out, is_bag=is_bag)
     opened = read(log)
-    print_empty_log_hint(opened)
+    common.print_empty_log_hint(opened)
     options = CostmapOptions(
         level=level,
         by=by.value,
@@ -179,11 +168,11 @@ def run(
     )
     floor = None
     if floor_map is not None:
-        floor = read_map(floor_map, rules=(map_rules or MapServer.nav2).value)
+        floor = read_map(floor_map, rules=(map_rules or common.MapServer.nav2).value)
     elif map_rules is not None:
         raise typer.BadParameter("how to read --map, which is not given", param_hint="--map-rules")
     if is_bag:
-        span = range_of(opened, since, until)
+        span = common.range_of(opened, since, until)
         done = _record(
             opened, out, options, span, layer=layer or Layer.master,
             every=60.0 if every is None else every, updates=updates is not False, floor=floor,
@@ -191,7 +180,7 @@ def run(
         _say_recorded(out, done, as_json=as_json)
         return
     scope = opened.scope(at, known_at, event)
-    check_map_recorded(opened, at, known_at, event)
+    common.check_map_recorded(opened, at, known_at, event)
     costmap = costmap_at(
         opened, options, at=scope.at_ns, known_at=scope.known_at_ns, event=scope.event, floor=floor
     )
@@ -202,7 +191,7 @@ def run(
         )
     made = write_costmap(opened, costmap, out, part, scope=scope)
     if as_json:
-        print_json(
+        common.print_json(
             costmap_to_json(
                 costmap, made.doors, made.left_out, part=part, files=made.files, scope=scope
             )
@@ -210,8 +199,8 @@ def run(
         return
     _print_left_out(made.left_out, costmap.doors)
     if costmap.floor is None:
-        say("no floor map then: the grid lies around the doors; another: --map MAP.YAML")
-    say(f"{', '.join(map(str, made.files))}: {_told(costmap, made.doors)}")
+        common.say("no floor map then: the grid lies around the doors; another: --map MAP.YAML")
+    common.say(f"{', '.join(map(str, made.files))}: {_told(costmap, made.doors)}")
 
 
 def _record(
@@ -227,7 +216,7 @@ def _record(
 ) -> RecordedCostmap:
     from semmap_log.interop.exporting.costmap_files import record_costmap
 
-    with progress("Drawing", unit="ns") as told:
+    with common.progress("Drawing", unit="ns") as told:
         return record_costmap(
             log, out, options, since=span[0], until=span[1], which=layer.value, every_s=every,
             updates=updates, floor=floor, progress=told,
@@ -236,10 +225,10 @@ def _record(
 
 def _say_recorded(out: Path, done: RecordedCostmap, *, as_json: bool) -> None:
     if as_json:
-        print_json({"file": str(out), **asdict(done)})
+        common.print_json({"file": str(out), **asdict(done)})
     else:
         made = f"{counted(done.grids, 'grid')}, {counted(done.updates, 'update')}"
-        say(f"{out}: {made}, {size_of(done.bytes)}.")
+        common.say(f"{out}: {made}, {common.size_of(done.bytes)}.")
 
 
 def _check_not_given(options: Mapping[str, object], out: Path, *, is_bag: bool) -> None:
@@ -282,7 +271,7 @@ def _print_left_out(left_out: Sequence[tuple[Door, str]], door_map: DoorMap) -> 
         doors = [labels.get(door.door_id, door.label) for door, why in left_out if why == reason]
         more = ", …" if len(doors) > MOST_NAMED else ""
         named = ", ".join(doors[:MOST_NAMED])
-        say(f"left out: {counted(len(doors), 'door')} {reason}: {named}{more}")
+        common.say(f"left out: {counted(len(doors), 'door')} {reason}: {named}{more}")
 
 
 def _told(costmap: Costmap, doors: Sequence[Door]) -> str:

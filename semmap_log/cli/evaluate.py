@@ -7,24 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import (
-    AsJson,
-    LogPath,
-    Since,
-    Until,
-    console,
-    print_json,
-    progress,
-    range_of,
-    say,
-)
+from semmap_log.cli import common
 
 if TYPE_CHECKING:
     from semmap_log.analysis.beliefs.protocol import Patrol
 
 
 def run(
-    log: LogPath,
+    log: common.LogPath,
     *,
     split: Annotated[
         float, typer.Option("--split", metavar="SHARE", help="Of the known time: what teaches.")
@@ -58,8 +48,8 @@ def run(
         list[str] | None,
         typer.Option("--door", metavar="DOOR", help="Only this one; repeatable."),
     ] = None,
-    since: Since = None,
-    until: Until = None,
+    since: common.Since = None,
+    until: common.Until = None,
     tz: Annotated[
         str | None, typer.Option("--tz", metavar="ZONE", help="The building's clocks; the log's.")
     ] = None,
@@ -67,7 +57,7 @@ def run(
         Path | None,
         typer.Option("--plot", metavar="X.png", help="Draw the reliability diagram; or .svg."),
     ] = None,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Show how good forecasts of the doors are: the first part teaches, the rest is forecast.
 
@@ -100,8 +90,8 @@ def run(
     opened = read(log)
     if plot is not None:
         check_outside_log(opened.path, plot)
-    start, end = range_of(opened, since, until)
-    with progress("Forecasting", unit="forecasts") as told:
+    start, end = common.range_of(opened, since, until)
+    with common.progress("Forecasting", unit="forecasts") as told:
         found = evaluate(
             opened, methods, protocol, since=start, until=end, tz=tz, progress=told,
             doors=[opened.resolve_any_door(name) for name in door] if door else None,
@@ -111,14 +101,16 @@ def run(
 
         plot_calibration(found, plot, name=log_name(log))
     if found.protocol.step_s != step:
-        say(f"known for so long: a forecast each {found.protocol.step_s:g} s, not each {step:g} s.")
+        common.say(
+            f"known for so long: a forecast each {found.protocol.step_s:g} s, not each {step:g} s."
+        )
     names = opened.door_names()
     if as_json:
-        print_json(evaluation_to_json(found, names=names))
+        common.print_json(evaluation_to_json(found, names=names))
     else:
-        console().print(evaluation_table(found, names=names))
+        common.console().print(evaluation_table(found, names=names))
         if plot is not None:
-            say(f"{plot}: the reliability diagram.")
+            common.say(f"{plot}: the reliability diagram.")
 
 
 def _patrol(every: str | None, accuracy: float | None, seed: int | None) -> Patrol | None:

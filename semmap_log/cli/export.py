@@ -10,23 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import (
-    AsJson,
-    At,
-    KnownAt,
-    LogPath,
-    OfClass,
-    OutFile,
-    PaletteName,
-    UpToEvent,
-    check_map_recorded,
-    check_not_nan,
-    print_json,
-    progress,
-    range_of,
-    say,
-    size_of,
-)
+from semmap_log.cli import common
 
 if TYPE_CHECKING:
     from semmap_log.interop.exporting.log_files import RecordedBag
@@ -45,13 +29,13 @@ MOST_EVERY_S = 1e9
 
 
 def run(
-    log: LogPath,
-    out: OutFile,
+    log: common.LogPath,
+    out: common.OutFile,
     *,
-    at: At = None,
-    known_at: KnownAt = None,
-    event: UpToEvent = None,
-    object_class: OfClass = None,
+    at: common.At = None,
+    known_at: common.KnownAt = None,
+    event: common.UpToEvent = None,
+    object_class: common.OfClass = None,
     default_prob: Annotated[
         float | None,
         typer.Option(
@@ -82,7 +66,7 @@ def run(
         ),
     ] = None,
     palette: Annotated[
-        PaletteName | None, typer.Option("--palette", help="Markers: their colours.")
+        common.PaletteName | None, typer.Option("--palette", help="Markers: their colours.")
     ] = None,
     domain: Annotated[
         Path | None,
@@ -112,7 +96,7 @@ def run(
     with_tracks: Annotated[
         bool, typer.Option("--with-tracks", help="With --pseudonymous: the robot's tracks, too.")
     ] = False,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Write a file, whole or not at all; an old file of that name is replaced at once.
 
@@ -186,9 +170,9 @@ def run(
     if not pseudonymous:
         _check_not_given({"--with-tracks": with_tracks or None}, "only with --pseudonymous")
     opened = read(log)
-    span, scope = range_of(opened, since, until), opened.scope(at, known_at, event)
+    span, scope = common.range_of(opened, since, until), opened.scope(at, known_at, event)
     if not is_bag:
-        check_map_recorded(opened, at, known_at, event)
+        common.check_map_recorded(opened, at, known_at, event)
     with ExitStack() as copies:
         if pseudonymous:
             check_outside_log(opened.path, out)
@@ -199,7 +183,7 @@ def run(
             options = _stream_options(palette, default_prob, every, markers=markers)
             _write_bag(opened, out, options, span, as_json=as_json)
             return
-        with progress("Exporting") as told:
+        with common.progress("Exporting") as told:
             done = export(
                 opened,
                 out,
@@ -212,13 +196,13 @@ def run(
             )
     if as_json:
         lists = {"left_out": list(done.left_out), "notes": list(done.notes)}
-        print_json({"file": str(out), "wrote": done.what, **lists})
+        common.print_json({"file": str(out), "wrote": done.what, **lists})
         return
     for text in deduplicated(done.left_out):
-        say(f"left out: {text}")
+        common.say(f"left out: {text}")
     for text in done.notes:
-        say(text)
-    say(f"{out}: {done.what}.")
+        common.say(text)
+    common.say(f"{out}: {done.what}.")
 
 
 @contextmanager
@@ -227,12 +211,12 @@ def _without_names(log: DoorLog, scope: Scope, *, with_tracks: bool) -> Iterator
     from semmap_log.interop.pseudonyms.pseudonymous_log import pseudonymous
 
     with ExitStack() as copies:
-        with progress("Leaving out names") as told:
+        with common.progress("Leaving out names") as told:
             found = pseudonymous(log, scope, with_tracks=with_tracks, progress=told)
             copy, names = copies.enter_context(found)
         if names.left_out:
             kinds = (f"{count:,} {kind}" for kind, count in sorted(names.left_out.items()))
-            say(f"left out: {', '.join(kinds)}")
+            common.say(f"left out: {', '.join(kinds)}")
         yield copy
 
 
@@ -247,33 +231,41 @@ def _write_bag(
 ) -> None:
     from semmap_log.interop.exporting.log_files import record_bag
 
-    with progress("Exporting", unit="events") as told:
+    with common.progress("Exporting", unit="events") as told:
         done = record_bag(log, out, options, since=span[0], until=span[1], progress=told)
     if as_json:
-        print_json({"file": str(out), **asdict(done)})
+        common.print_json({"file": str(out), **asdict(done)})
         return
     if done.left_out:
         more = ", …" if len(done.left_out) > MOST_NAMED else ""
         named = ", ".join(done.left_out[:MOST_NAMED])
-        say(f"left out: {len(done.left_out)} without a place: {named}{more}")
+        common.say(f"left out: {len(done.left_out)} without a place: {named}{more}")
     if done.every_s and options.every_s is None:
-        say(f"many changes: all doors come at most every {done.every_s:g} s; --every 0: at each.")
-    say(f"{out}: {_told(done)}, {size_of(done.bytes)}.")
+        common.say(
+            f"many changes: all doors come at most every {done.every_s:g} s; --every 0: at each."
+        )
+    common.say(f"{out}: {_told(done)}, {common.size_of(done.bytes)}.")
 
 
 def _stream_options(
-    palette: PaletteName | None, default_prob: float | None, every: float | None, *, markers: bool
+    palette: common.PaletteName | None,
+    default_prob: float | None,
+    every: float | None,
+    *,
+    markers: bool,
 ) -> StreamOptions:
     from semmap_log.interop.exporting.stream import StreamOptions
 
-    check_not_nan(default_prob=default_prob, every=every)
+    common.check_not_nan(default_prob=default_prob, every=every)
     if default_prob is not None and not 0 <= default_prob <= 1:
         raise typer.BadParameter("expected a number from 0 to 1", param_hint="--default-prob")
     if every is not None and not 0 <= every <= MOST_EVERY_S:
         raise typer.BadParameter(
             f"expected seconds, from 0 to {MOST_EVERY_S:g}, got {every:g}", param_hint="--every"
         )
-    return StreamOptions(markers, (palette or PaletteName.default).colours, default_prob, every)
+    return StreamOptions(
+        markers, (palette or common.PaletteName.default).colours, default_prob, every
+    )
 
 
 def _told(done: RecordedBag) -> str:

@@ -8,39 +8,24 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import (
-    AsJson,
-    LogPath,
-    OfClass,
-    PaletteChoice,
-    PaletteName,
-    Since,
-    Until,
-    console,
-    doors_meant,
-    print_empty_log_hint,
-    print_json_list,
-    progress,
-    range_of,
-    say,
-)
+from semmap_log.cli import common
 
 if TYPE_CHECKING:
     from semmap_log.views.plots.lanes import Lanes
 
 
 def run(
-    log: LogPath,
+    log: common.LogPath,
     door: Annotated[
         str | None, typer.Argument(metavar="DOOR", help="Only events about this door.")
     ] = None,
     *,
-    since: Since = None,
-    until: Until = None,
+    since: common.Since = None,
+    until: common.Until = None,
     recorded: Annotated[
         bool, typer.Option("--recorded", help="The range is of recorded time.")
     ] = False,
-    object_class: OfClass = None,
+    object_class: common.OfClass = None,
     kind: Annotated[
         list[str] | None,
         typer.Option("--kind", metavar="KIND", help="Only this kind, such as DoorObserved."),
@@ -53,8 +38,8 @@ def run(
         Path | None,
         typer.Option("--plot", metavar="X.png|svg", help="Draw the states as lanes instead."),
     ] = None,
-    palette: PaletteChoice = PaletteName.default,
-    as_json: AsJson = False,
+    palette: common.PaletteChoice = common.PaletteName.default,
+    as_json: common.AsJson = False,
 ) -> None:
     """Show the events of the log, or of one door: what, when, who, why.
 
@@ -81,9 +66,9 @@ def run(
             known = ", ".join(KIND_BY_NAME)
             raise typer.BadParameter(f"{name!r}: expected one of {known}", param_hint="--kind")
     opened = read(log)
-    print_empty_log_hint(opened)
-    start, end = range_of(opened, since, until)
-    doors = doors_meant(opened, None if door is None else [door], object_class)
+    common.print_empty_log_hint(opened)
+    start, end = common.range_of(opened, since, until)
+    doors = common.doors_meant(opened, None if door is None else [door], object_class)
     door_id = doors[0] if doors and door else None
     if plot is not None:
         if recorded or kind or last or poses or as_json:
@@ -95,7 +80,7 @@ def run(
         from semmap_log.views.plots.lanes import Lanes  # needs matplotlib
 
         check_outside_log(opened.path, plot)
-        with progress("Reading") as told:
+        with common.progress("Reading") as told:
             lanes = Lanes.of(opened, doors, start, end, progress=told)
         _draw(lanes, plot, palette)
         return
@@ -113,11 +98,11 @@ def run(
     if last is not None:
         entries = iter(deque(entries, maxlen=last))
     if as_json:
-        print_json_list(entry_to_json(entry) for entry in entries)
+        common.print_json_list(entry_to_json(entry) for entry in entries)
         return
     from semmap_log.views.tables import history_pages
 
-    out = console()
+    out = common.console()
     names = opened.door_names()
     is_empty = True
     tz, objects = opened.info.timezone, opened.objects()
@@ -125,14 +110,16 @@ def run(
         out.print(page)
         is_empty = is_empty and page.is_empty
     if is_empty:
-        say("no events; times count when it happened, or with --recorded when it was recorded.")
+        common.say(
+            "no events; times count when it happened, or with --recorded when it was recorded."
+        )
 
 
-def _draw(lanes: Lanes, path: Path, palette: PaletteName) -> None:
+def _draw(lanes: Lanes, path: Path, palette: common.PaletteName) -> None:
     from semmap_log.errors import CommandError
     from semmap_log.views.plots.lanes import plot_lanes
 
     if not lanes.doors and not lanes.rounds:
         raise CommandError("no door was in the map then; nothing is drawn.")
     plot_lanes(lanes, path, palette.colours)
-    say(f"{path}: doors: {len(lanes.doors)}, rounds: {len(lanes.rounds)}.")
+    common.say(f"{path}: doors: {len(lanes.doors)}, rounds: {len(lanes.rounds)}.")

@@ -10,31 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.bag_options import (
-    MAPPING_HELP,
-    DryRun,
-    Heights,
-    KeepScans,
-    MappingFile,
-    PoseTopic,
-    Scan,
-    check_keep_scans,
-    check_scan,
-    heights_of,
-    print_plan,
-    print_scan_import,
-)
+from semmap_log.cli import bag_options, proposing
 from semmap_log.cli.common import AsJson, MapServer, WritableLog, print_json, progress, say
-from semmap_log.cli.proposing import (
-    Only,
-    Plot,
-    ProposeDoors,
-    Proposing,
-    Yes,
-    check_proposing,
-    numbers_of,
-    propose,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -147,15 +124,15 @@ def run(
         bool,
         typer.Option("--as-recorded", help="The file's times are when it was known; see above."),
     ] = False,
-    mapping: MappingFile = None,
-    scan: Scan = None,
-    pose_topic: PoseTopic = None,
-    heights: Heights = None,
-    keep_scans: KeepScans = False,
-    propose_doors: ProposeDoors = False,
-    yes: Yes = False,
-    only: Only = None,
-    plot: Plot = None,
+    mapping: bag_options.MappingFile = None,
+    scan: bag_options.Scan = None,
+    pose_topic: bag_options.PoseTopic = None,
+    heights: bag_options.Heights = None,
+    keep_scans: bag_options.KeepScans = False,
+    propose_doors: proposing.ProposeDoors = False,
+    yes: proposing.Yes = False,
+    only: proposing.Only = None,
+    plot: proposing.Plot = None,
     map_rules: Annotated[
         MapServer | None,
         typer.Option("--map-rules", help="As which map_server to read a map; nav2."),
@@ -166,7 +143,7 @@ def run(
             "--new-doors", help="CSV: add doors that the log does not have, though it has others."
         ),
     ] = False,
-    dry_run: DryRun = False,
+    dry_run: bag_options.DryRun = False,
     source: Annotated[
         str,
         typer.Option(
@@ -259,24 +236,26 @@ def run(
     from semmap_log.log.door_log.read_log import read
 
     files = files or []
-    check_scan(scan, pose_topic, heights)
-    band = heights_of(heights)
-    check_keep_scans(keep_scans=keep_scans, dry_run=dry_run)
+    bag_options.check_scan(scan, pose_topic, heights)
+    band = bag_options.heights_of(heights)
+    bag_options.check_keep_scans(keep_scans=keep_scans, dry_run=dry_run)
     topics = None if scan is None else tuple(filter(None, scan))
     scans = None if topics is None else ScanOptions(topics, pose_topic or "", band)
     is_by_scans = scans is not None
     _check_together(files, since, since_ever=since_ever, dry_run=dry_run, by_scans=is_by_scans)
-    numbers = numbers_of(only) if propose_doors else None
+    numbers = proposing.numbers_of(only) if propose_doors else None
     form = form_of(
         preset=None if preset is None else preset.value, columns=columns, states=states,
         only=() if propose_doors else only or (),
         unit=None if time_unit is None else time_unit.value,
     )  # fmt: skip
-    asked = Proposing(propose_doors, yes, numbers, plot)
-    check_proposing(asked, has_scan=scan is not None, files=files, dry_run=dry_run)
+    asked = proposing.Proposing(propose_doors, yes, numbers, plot)
+    proposing.check_proposing(asked, has_scan=scan is not None, files=files, dry_run=dry_run)
     if propose_doors:
         options = ImportOptions(level=level, mapping=mapping, scan=scans)
-        propose(log, files[0], options, asked, actor=actor, reason=reason, as_json=as_json)
+        proposing.propose(
+            log, files[0], options, asked, actor=actor, reason=reason, as_json=as_json
+        )
         return
 
     def options_for(opened: DoorLog) -> ImportOptions:
@@ -322,7 +301,7 @@ def run(
 _A_LASER = "(sensor_msgs/LaserScan)"
 """The end of the line about a topic that is left out."""
 
-run.__doc__ = f"{run.__doc__}\n{MAPPING_HELP}"
+run.__doc__ = f"{run.__doc__}\n{bag_options.MAPPING_HELP}"
 
 
 def _check_together(
@@ -412,7 +391,7 @@ def _show(opened: DoorLog, files: list[Path], options: ImportOptions, note: Note
             with progress(f"Reading {file.name}", unit="messages") as told:
                 found = plan_scan_import(opened, file, options, told, actor=note.actor)
             if found is not None:
-                print_scan_import(file, found)
+                bag_options.print_scan_import(file, found)
                 continue
         known = command_id_of(file, options)
         if any(commit.command_id == known for commit in opened.commits()):
@@ -428,7 +407,7 @@ def _show(opened: DoorLog, files: list[Path], options: ImportOptions, note: Note
                 for each in commit.events(numbers, options.at_ns)
             )
             plan = replace(plan, events=events)
-        print_plan(file, plan)
+        bag_options.print_plan(file, plan)
 
 
 def _tell(file: Path, imported: Any) -> None:

@@ -7,15 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import (
-    AsJson,
-    LogPath,
-    check_map_recorded,
-    console,
-    print_json,
-    progress,
-    say,
-)
+from semmap_log.cli import common
 from semmap_log.cli.patrol_following import follow as follow_round
 from semmap_log.cli.probabilities import PLOTS, Estimator, Zone
 from semmap_log.cli.sanitized_streams import json_text, write_line
@@ -31,7 +23,7 @@ SPEED_M_S = 0.7
 
 
 def run(
-    log: LogPath,
+    log: common.LogPath,
     *,
     start_at: Annotated[
         str | None,
@@ -96,7 +88,7 @@ def run(
             "round is over, or Ctrl-C. With --json one object a line, the plan first.",
         ),
     ] = False,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Plan a patrol: in which order to visit rooms, so that the mean time to visit is least.
 
@@ -135,7 +127,7 @@ def run(
         raise typer.BadParameter(f"expected a name that ends in .png or .svg, got {plot}",
                                  param_hint="--plot")  # fmt: skip
     opened = read(log)
-    check_map_recorded(opened, start, None)
+    common.check_map_recorded(opened, start, None)
     if plot is not None:
         check_outside_log(opened.path, plot)
     options = PatrolOptions(
@@ -146,7 +138,7 @@ def run(
         asks=asks,
         skip=SkipRule() if skip_below is None else SkipRule(skip_below),
     )
-    with progress("Reading") as told:
+    with common.progress("Reading") as told:
         begun = begun_round(
             opened, start_at=start_at, rooms=listed(rooms or ()), doors=listed(doors or ()),
             start=start, estimator=estimator, tz=tz, options=options, progress=told,
@@ -157,9 +149,9 @@ def run(
     if as_json and follow:
         write_line(json_text(plan_to_json(plan)))
     elif as_json:
-        print_json(plan_to_json(plan))
+        common.print_json(plan_to_json(plan))
     else:
-        console().print(patrol_plan_table(plan))
+        common.console().print(patrol_plan_table(plan))
     if follow:
         follow_round(opened, begun, as_json=as_json)
 
@@ -195,4 +187,4 @@ def _plot(opened: DoorLog, plan: PatrolPlan, path: Path) -> None:
     rooms = room_plan(opened, at=at)
     ways = patrol_ways(plan, WaysBetween(rooms, speed_m_s=plan.options.speed_m_s))
     plot_patrol(plan, ways, rooms.floors, list(rooms.door_map.doors.values()), path)
-    say(f"{path}: {counted(len(plan.stops), 'stop')}.")
+    common.say(f"{path}: {counted(len(plan.stops), 'stop')}.")

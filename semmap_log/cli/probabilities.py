@@ -9,23 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import (
-    AsHappened,
-    AsJson,
-    At,
-    KnownAt,
-    LogPath,
-    OfClass,
-    as_happened_line,
-    check_recorded,
-    console,
-    note_later_events,
-    print_empty_log_hint,
-    print_json,
-    progress,
-    say,
-    takes_about,
-)
+from semmap_log.cli import common
 
 if TYPE_CHECKING:
     from semmap_log.analysis.beliefs.applying import Applied
@@ -60,22 +44,22 @@ Zone = Annotated[
 ]
 
 
-@takes_about
+@common.takes_about
 def run(
-    log: LogPath,
+    log: common.LogPath,
     doors: Annotated[
         list[str] | None,
         typer.Argument(metavar="DOOR", help="Ids, names, or level/name; default: all."),
     ] = None,
     *,
-    at: At = None,
-    known_at: KnownAt = None,
-    as_happened: AsHappened = False,
+    at: common.At = None,
+    known_at: common.KnownAt = None,
+    as_happened: common.AsHappened = False,
     horizon: Annotated[
         str, typer.Option("--horizon", metavar="2h", help="How long after that moment.")
     ] = "",
     estimator: Estimator = None,
-    object_class: OfClass = None,
+    object_class: common.OfClass = None,
     tz: Zone = None,
     by: Annotated[By | None, typer.Option("--by", help="Typical hours, days, or the week.")] = None,
     when: Annotated[
@@ -90,7 +74,7 @@ def run(
         bool,
         typer.Option("--apply", help="Append both numbers of all known doors as DoorUpdated."),
     ] = False,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
     about: About,
 ) -> None:
     """Show how likely each door is open, how sure that is, and on what evidence.
@@ -149,8 +133,8 @@ def run(
         return
     asked["horizon_ns"] = parse_duration(horizon) if horizon else 0
     opened, applied = read(log), None
-    print_empty_log_hint(opened)
-    with progress("Reading") as told:
+    common.print_empty_log_hint(opened)
+    with common.progress("Reading") as told:
         if apply:
             applied = _apply(log, asked, about, told)
             beliefs = applied.beliefs
@@ -160,16 +144,16 @@ def run(
         _check_recorded(opened, asked)
     zone = opened.info.timezone if tz is None else tz
     if as_json:
-        print_json(
+        common.print_json(
             beliefs_to_json(beliefs, tz=zone, known_at_ns=opened.known_moment(known_at).ns)
             | (_applied_to_json(applied) if applied else {})
         )
         return
     from semmap_log.views.belief_table import belief_table
 
-    console().print(belief_table(beliefs, tz=zone))
+    common.console().print(belief_table(beliefs, tz=zone))
     if all(belief.evidence.is_empty for belief in beliefs) and not as_happened:
-        note_later_events(opened, at, known_at)
+        common.note_later_events(opened, at, known_at)
     if applied is not None:
         _tell(applied)
 
@@ -205,8 +189,8 @@ def _check_recorded(opened: DoorLog, asked: Mapping[str, Any]) -> None:
     if moment is None or since_ns is None:
         return
     known_at = None if asked["as_happened"] else asked["known_at"]
-    remedy = as_happened_line("probabilities", opened.path, *(asked["doors"] or ()))
-    check_recorded(opened, moment, known_at, remedy=remedy)
+    remedy = common.as_happened_line("probabilities", opened.path, *(asked["doors"] or ()))
+    common.check_recorded(opened, moment, known_at, remedy=remedy)
     since = format_local(since_ns, opened.info.timezone)
     raise UnknownDoorError(
         f"no door is in the map then: the log has no events before {since}, or its doors were "
@@ -252,10 +236,10 @@ def _show_typical(
         raise typer.BadParameter(f'expected a day and an hour such as "Tue 10:00", got {when!r}',
                                  param_hint="--when")  # fmt: skip
     opened = read(log)
-    print_empty_log_hint(opened)
+    common.print_empty_log_hint(opened)
     if plot is not None:
         check_outside_log(opened.path, plot)
-    with progress("Reading") as told:
+    with common.progress("Reading") as told:
         weeks = typical_weeks(opened, **asked, progress=told)
     if not weeks:
         _check_recorded(opened, asked)
@@ -267,7 +251,9 @@ def _show_typical(
     if as_json:
         zone = opened.info.timezone if asked["tz"] is None else asked["tz"]
         known_at_ns = opened.known_moment(asked["known_at"]).ns
-        print_json(weeks_to_json(weeks, which.value, hour=hour, tz=zone, known_at_ns=known_at_ns))
+        common.print_json(
+            weeks_to_json(weeks, which.value, hour=hour, tz=zone, known_at_ns=known_at_ns)
+        )
         return
     _print_weeks(weeks, which, hour)
 
@@ -276,24 +262,24 @@ def _plot(weeks: Sequence[TypicalWeek], plot: Path, by: By) -> None:
     from semmap_log.views.plots.typical_weeks import MOST_PANELS, drawn_of, plot_weeks
 
     if not weeks:
-        say(f"{plot}: not written; no door is in the map then.")
+        common.say(f"{plot}: not written; no door is in the map then.")
         return
     plot_weeks(weeks, plot, by.value)
     others = "; to draw others, name them as DOOR" if len(weeks) > MOST_PANELS else ""
-    say(f"{plot}: {drawn_of(len(weeks))}{others}.")
+    common.say(f"{plot}: {drawn_of(len(weeks))}{others}.")
 
 
 def _print_weeks(weeks: Sequence[TypicalWeek], by: By, hour: tuple[int, int] | None) -> None:
     from semmap_log.views.week_map import hour_rows, hour_table, week_maps, weekday_rows
 
     if not weeks:
-        say("no door is in the map then.")
+        common.say("no door is in the map then.")
         return
     if hour is not None:
-        console().print(hour_table(weeks, *hour))
+        common.console().print(hour_table(weeks, *hour))
         return
     show = {By.hour: hour_rows, By.weekday: weekday_rows, By.week: week_maps}
-    console().print(show[by](weeks))
+    common.console().print(show[by](weeks))
 
 
 def _apply(log: Path, asked: dict[str, Any], about: About, told: Any) -> Applied:
@@ -328,13 +314,13 @@ def _tell(applied: Applied) -> None:
 
     appended = applied.appended
     if appended is None:
-        say("nothing was written: no door's numbers changed.")
+        common.say("nothing was written: no door's numbers changed.")
     elif appended.repeated:
-        say(f"stored before, from event {appended.first_event} on; nothing was written now.")
+        common.say(f"stored before, from event {appended.first_event} on; nothing was written now.")
     else:
         last = appended.first_event + appended.count - 1
         doors = "door has" if appended.count == 1 else "doors have"
-        say(f"events {appended.first_event}..{last}: {appended.count} {doors} now both "
+        common.say(f"events {appended.first_event}..{last}: {appended.count} {doors} now both "
             "probabilities in the map.")  # fmt: skip
     if applied.unknown:
-        say(f"left alone, UNKNOWN: {named(labels_in(applied.unknown))}")
+        common.say(f"left alone, UNKNOWN: {named(labels_in(applied.unknown))}")

@@ -7,15 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import (
-    AsJson,
-    MapServer,
-    WritableLog,
-    console,
-    print_json,
-    say,
-    takes_about,
-)
+from semmap_log.cli import common
 
 if TYPE_CHECKING:
     from semmap_log.core.model.rigid_transform import RigidTransform
@@ -25,9 +17,9 @@ if TYPE_CHECKING:
     from semmap_log.log.door_log.rebasing import MapFit, RebasePlan
 
 
-@takes_about
+@common.takes_about
 def run(
-    log: WritableLog,
+    log: common.WritableLog,
     floor_map: Annotated[
         Path, typer.Argument(metavar="MAP.YAML", help="The new map, as map_server has it.")
     ],
@@ -65,12 +57,12 @@ def run(
         typer.Option(help="Whose map it is, by number or name; needed if there are several."),
     ] = None,
     map_rules: Annotated[
-        MapServer, typer.Option("--map-rules", help="As which map_server to read the map.")
-    ] = MapServer.nav2,
+        common.MapServer, typer.Option("--map-rules", help="As which map_server to read the map.")
+    ] = common.MapServer.nav2,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only show what would be done; writes nothing.")
     ] = False,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
     about: About,
 ) -> None:
     """Give a level a new map, and move its doors into it, as one commit.
@@ -121,7 +113,7 @@ def run(
             _show(plan, measured.strangers, dry_run=dry_run)
         if not isinstance(opened, DoorLogWriter):
             if as_json:
-                print_json({"dry_run": True, **told})
+                common.print_json({"dry_run": True, **told})
             return
         appended = opened.rebase(
             plan.floor, by=plan.by, doors=dict(measured.doors.items()), level=plan.level, **about
@@ -171,20 +163,20 @@ def _transform(
         return None, RigidTransform.parse(by or "")
     fit = moment.fit(pairs, most_residual_m=most_m)
     if not as_json:
-        console().print(pairs_table(fit))
+        common.console().print(pairs_table(fit))
     check_fit(fit, most_residual_m=most_m)
     for name in fit.misfits if not as_json else ():
-        say(f"warning: {name} does not fit the others; without it the greatest residual is "
+        common.say(f"warning: {name} does not fit the others; without it the greatest residual is "
             f"{fit.without_misfits_m:.3f} m")  # fmt: skip
     for hint in fit.hints if not as_json else ():
-        say(f"warning: {hint}")
+        common.say(f"warning: {hint}")
     return fit, fit.transform
 
 
 def _show(plan: RebasePlan, strangers: tuple[str, ...], *, dry_run: bool) -> None:
     from semmap_log.views.rebase_table import moved_doors_table, rebase_notes, rebase_warnings
 
-    out = console()
+    out = common.console()
     if plan.doors:
         out.print(moved_doors_table(plan))
     numbers = ",".join(f"{number:.6g}" for number in plan.by.as_list())
@@ -194,8 +186,8 @@ def _show(plan: RebasePlan, strangers: tuple[str, ...], *, dry_run: bool) -> Non
     for note in rebase_notes(plan):
         typer.echo(note)
     for stranger in strangers:
-        say(f"not on that level of the log, left out: {stranger}")
+        common.say(f"not on that level of the log, left out: {stranger}")
     for warning in rebase_warnings(plan):
-        say(f"warning: {warning}")
+        common.say(f"warning: {warning}")
     if dry_run:
         typer.echo("nothing was written (--dry-run)")

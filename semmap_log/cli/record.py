@@ -13,35 +13,11 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from semmap_log.cli.bag_options import (
-    MAPPING_HELP,
-    ClickedPoints,
-    DryRun,
-    Heights,
-    KeepScans,
-    MappingFile,
-    PoseTopic,
-    RobotLevel,
-    Scan,
-    check_keep_scans,
-    check_scan,
-    heights_of,
-)
+from semmap_log.cli import bag_options, writing_options
 from semmap_log.cli.common import WritableLog, on_stop, print_json, say, stopped_for_good
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 from semmap_log.cli.sanitized_streams import json_text
 from semmap_log.cli.verb import HELP_MADE_LATE, problems_to_json, tell
-from semmap_log.cli.writing_options import (
-    EVERY,
-    Adopt,
-    ShipTo,
-    SignEvery,
-    SignKey,
-    SyncChoice,
-    signer_of,
-    with_shipping,
-    with_signing,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -214,14 +190,14 @@ def run(
     *,
     ros1: Ros1 = False,
     ros2: Ros2 = False,
-    mapping: MappingFile = None,
-    scan: Scan = None,
-    pose_topic: PoseTopic = None,
-    heights: Heights = None,
-    level: RobotLevel = None,
-    keep_scans: KeepScans = False,
-    clicked_points: ClickedPoints = False,
-    dry_run: DryRun = False,
+    mapping: bag_options.MappingFile = None,
+    scan: bag_options.Scan = None,
+    pose_topic: bag_options.PoseTopic = None,
+    heights: bag_options.Heights = None,
+    level: bag_options.RobotLevel = None,
+    keep_scans: bag_options.KeepScans = False,
+    clicked_points: bag_options.ClickedPoints = False,
+    dry_run: bag_options.DryRun = False,
     ack: Annotated[
         bool,
         typer.Option("--ack", help="Answer each line once it is stored, with its event number."),
@@ -230,19 +206,19 @@ def run(
         bool, typer.Option("--strict", help="Stop at the first bad line, instead of skipping it.")
     ] = False,
     durability: Annotated[
-        SyncChoice,
+        writing_options.SyncChoice,
         typer.Option(help="What is true of a line when it is answered; see above."),
-    ] = SyncChoice.event,
+    ] = writing_options.SyncChoice.event,
     batch_events: Annotated[
         int, typer.Option(min=1, help="batch: so many events at most share a sync.")
     ] = 64,
     batch_ms: Annotated[
         float, typer.Option(min=0, help="batch: a line waits so long for others, at most.")
     ] = 50.0,
-    ship: ShipTo = None,
-    sign_key: SignKey = None,
-    sign_every: SignEvery = EVERY,
-    adopt: Adopt = False,
+    ship: writing_options.ShipTo = None,
+    sign_key: writing_options.SignKey = None,
+    sign_every: writing_options.SignEvery = writing_options.EVERY,
+    adopt: writing_options.Adopt = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="At the end one JSON document: what became of all.")
     ] = False,
@@ -314,20 +290,25 @@ def run(
             raise typer.BadParameter(
                 "is about lines of standard input", param_hint="--ack, --strict"
             )
-        check_scan(scan, pose_topic, heights)
-        check_keep_scans(keep_scans=keep_scans, dry_run=dry_run)
+        bag_options.check_scan(scan, pose_topic, heights)
+        bag_options.check_keep_scans(keep_scans=keep_scans, dry_run=dry_run)
         version = chosen_ros(ros1=ros1, ros2=ros2)
         policy = Promised(durability.value, batch_events, batch_ms / 1000)
         read = Read(
-            mapping, scan, pose_topic, heights_of(heights), level, keep_scans=keep_scans,
+            mapping,
+            scan,
+            pose_topic,
+            bag_options.heights_of(heights),
+            level,
+            keep_scans=keep_scans,
             clicks=clicked_points,
-        )  # fmt: skip
+        )
         if dry_run and ship is not None:
             raise typer.BadParameter("nothing is written with --dry-run", param_hint="--ship")
         if dry_run and sign_key is not None:
             raise typer.BadParameter("nothing is written with --dry-run", param_hint="--sign-key")
-        signer = signer_of(log, sign_key, sign_every, adopt=adopt)
-        with with_shipping(log, ship), with_signing(log, signer):
+        signer = writing_options.signer_of(log, sign_key, sign_every, adopt=adopt)
+        with writing_options.with_shipping(log, ship), writing_options.with_signing(log, signer):
             record_topics(
                 context, log, version, read, None if dry_run else policy, signer=signer,
                 as_json=as_json,
@@ -359,10 +340,10 @@ def run(
             sys.stdout.write(json_text(said) + "\n")
             sys.stdout.flush()
 
-    signer = signer_of(log, sign_key, sign_every, adopt=adopt)
+    signer = writing_options.signer_of(log, sign_key, sign_every, adopt=adopt)
     with (
-        with_shipping(log, ship),
-        with_signing(log, signer),
+        writing_options.with_shipping(log, ship),
+        writing_options.with_signing(log, signer),
         append(
             log,
             durability=durability.value,
@@ -400,4 +381,4 @@ def run(
         raise typer.Exit(1)
 
 
-run.__doc__ = f"{run.__doc__}\n{MAPPING_HELP}"
+run.__doc__ = f"{run.__doc__}\n{bag_options.MAPPING_HELP}"

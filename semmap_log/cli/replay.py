@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-from semmap_log.cli.common import (
-    AsJson,
-    At,
-    KnownAt,
-    LogPath,
-    OfClass,
-    UpToEvent,
-    check_recorded,
-    console,
-    note_later_events,
-    print_empty_log_hint,
-    print_json,
-    progress,
-)
+from semmap_log.cli import common
 
 
 def run(
-    log: LogPath,
+    log: common.LogPath,
     *,
-    at: At = None,
-    known_at: KnownAt = None,
-    event: UpToEvent = None,
-    object_class: OfClass = None,
-    as_json: AsJson = False,
+    at: common.At = None,
+    known_at: common.KnownAt = None,
+    event: common.UpToEvent = None,
+    object_class: common.OfClass = None,
+    as_json: common.AsJson = False,
 ) -> None:
     """Show the doors as they were at a moment; without one, as they are now.
 
@@ -49,21 +36,21 @@ def run(
     from semmap_log.log.door_log.read_log import read
 
     opened = read(log)
-    print_empty_log_hint(opened)
-    with progress("Reading") as told:
+    common.print_empty_log_hint(opened)
+    with common.progress("Reading") as told:
         door_map = opened.replay(at, known_at, event, progress=told)
     if not door_map.doors and event is None:
-        check_recorded(opened, at, known_at)
+        common.check_recorded(opened, at, known_at)
     if object_class is not None:
         from semmap_log.core.folds.levels import of_class
 
         door_map = of_class(door_map, object_class)
     if as_json:
-        print_json(door_map_to_json(door_map))
+        common.print_json(door_map_to_json(door_map))
         return
     from semmap_log.views.tables import door_table
 
-    console().print(door_table(door_map, tz=opened.info.timezone))
+    common.console().print(door_table(door_map, tz=opened.info.timezone))
     doors = door_map.doors.values()
     if event is None and all(door.state is DoorState.UNKNOWN for door in doors):
-        note_later_events(opened, at, known_at)
+        common.note_later_events(opened, at, known_at)

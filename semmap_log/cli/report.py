@@ -7,40 +7,26 @@ from typing import Annotated
 
 import typer
 
-from semmap_log.cli.common import (
-    AsJson,
-    LogPath,
-    OfClass,
-    PaletteChoice,
-    PaletteName,
-    Since,
-    Until,
-    a_file,
-    doors_meant,
-    print_empty_log_hint,
-    print_json,
-    progress,
-    range_of,
-    say,
-    size_of,
-)
+from semmap_log.cli import common
 
 
 def run(
-    log: LogPath,
-    out: Annotated[Path, typer.Argument(metavar="OUT.html", help="The page.", callback=a_file)],
+    log: common.LogPath,
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT.html", help="The page.", callback=common.a_file)
+    ],
     *,
-    since: Since = None,
-    until: Until = None,
+    since: common.Since = None,
+    until: common.Until = None,
     door: Annotated[
         list[str] | None, typer.Option("--door", metavar="DOOR", help="Only this one; repeatable.")
     ] = None,
-    object_class: OfClass = None,
+    object_class: common.OfClass = None,
     tz: Annotated[
         str | None, typer.Option("--tz", metavar="ZONE", help="Of all times; default: the log's.")
     ] = None,
-    palette: PaletteChoice = PaletteName.default,
-    as_json: AsJson = False,
+    palette: common.PaletteChoice = common.PaletteName.default,
+    as_json: common.AsJson = False,
 ) -> None:
     """Write the history as one page for any browser, nothing else needed.
 
@@ -60,10 +46,10 @@ def run(
     from semmap_log.log.door_log.read_log import read
 
     opened = read(log)
-    print_empty_log_hint(opened)
-    start, end = range_of(opened, since, until)
-    doors = doors_meant(opened, door, object_class)
-    with progress("Reading") as told:
+    common.print_empty_log_hint(opened)
+    start, end = common.range_of(opened, since, until)
+    doors = common.doors_meant(opened, door, object_class)
+    with common.progress("Reading") as told:
         done = write_report(
             opened,
             out,
@@ -75,8 +61,8 @@ def run(
             progress=told,
         )
     if as_json:
-        print_json({"file": str(out), "doors": done.doors, "events": done.events,
+        common.print_json({"file": str(out), "doors": done.doors, "events": done.events,
                     "bytes": done.bytes})  # fmt: skip
         return
     shown = f"{counted(done.doors, 'door')}, {counted(done.events, 'event')}"
-    say(f"{out}: {shown}, {size_of(done.bytes)}.")
+    common.say(f"{out}: {shown}, {common.size_of(done.bytes)}.")

@@ -7,18 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from semmap_log.cli.common import (
-    AsJson,
-    At,
-    KnownAt,
-    LogPath,
-    UpToEvent,
-    check_map_recorded,
-    console,
-    print_empty_log_hint,
-    print_json,
-    say,
-)
+from semmap_log.cli import common
 
 if TYPE_CHECKING:
     from semmap_log.analysis.rooms.level_rooms import RoomPlan
@@ -26,11 +15,11 @@ if TYPE_CHECKING:
 
 
 def run(
-    log: LogPath,
+    log: common.LogPath,
     *,
-    at: At = None,
-    known_at: KnownAt = None,
-    event: UpToEvent = None,
+    at: common.At = None,
+    known_at: common.KnownAt = None,
+    event: common.UpToEvent = None,
     level: Annotated[str | None, typer.Option(help="Only this level, by number or name.")] = None,
     out: Annotated[
         Path | None,
@@ -40,7 +29,7 @@ def run(
         Path | None,
         typer.Option("--plot", metavar="OUT", help="Draw the rooms into X.png or .svg."),
     ] = None,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Show the rooms of a moment, their doors, and where these lead.
 
@@ -69,9 +58,9 @@ def run(
     from semmap_log.views.join_table import RoomWords, room_table
 
     opened = read(log)
-    print_empty_log_hint(opened)
+    common.print_empty_log_hint(opened)
     scope = opened.scope(at, known_at, event)
-    check_map_recorded(opened, at, known_at, event)
+    common.check_map_recorded(opened, at, known_at, event)
     plan = room_plan(opened, at=scope.at_ns, known_at=scope.known_at_ns, event=scope.event)
     number = None if level is None else resolve_level(level, plan.door_map)
     _check_has_plan(plan, number)
@@ -80,12 +69,12 @@ def run(
     if plot is not None:
         _plot(opened, plan, plot, number)
     if as_json:
-        print_json(rooms_to_json(plan, level=number))
+        common.print_json(rooms_to_json(plan, level=number))
         return
     words = RoomWords(plan, level=number)
-    console().print(room_table(plan, words))
+    common.console().print(room_table(plan, words))
     for line in words.notes():
-        say(line)
+        common.say(line)
 
 
 def _check_has_plan(plan: RoomPlan, level: int | None) -> None:
@@ -112,7 +101,7 @@ def _write(log: DoorLog, plan: RoomPlan, out: Path, level: int | None) -> None:
     from semmap_log.interop.exporting.room_files import write_rooms
 
     write_rooms(log, plan, out, level=level)
-    say(f"{out}: written.")
+    common.say(f"{out}: written.")
 
 
 def _plot(log: DoorLog, plan: RoomPlan, plot: Path, level: int | None) -> None:
@@ -126,4 +115,4 @@ def _plot(log: DoorLog, plan: RoomPlan, plot: Path, level: int | None) -> None:
     moment = format_short(plan.door_map.moment_ns, log.info.timezone, seconds=False)
     figure = draw_rooms(plan, level=level, title=f"{name}, {moment}", letters=letters_of(plot))
     save_figure(figure, plot)
-    say(f"{plot}: written.")
+    common.say(f"{plot}: written.")

@@ -2,8 +2,8 @@ r"""What verbs write to a terminal never controls it, whoever wrote the text.
 
 A name in a foreign file (a door's, a topic's, the file's own) may contain escape sequences. So
 inside of `sanitized_streams` all that is written to stdout and stderr has such characters spelt
-out, `\x1b`, and so has what rich draws by `PlainConsole`; its own colours go to the stream beneath. In
-JSON they are JSON's escapes (`json_text`), so that programs read the exact text.
+out, `\x1b`, and so has what rich draws by `PlainConsole`; its own colours go to the stream
+beneath. In JSON they are JSON's escapes (`json_text`), so that programs read the exact text.
 """
 
 from __future__ import annotations

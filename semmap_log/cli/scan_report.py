@@ -10,21 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from semmap_log.cli import common
 from semmap_log.cli.bag_options import Heights, PoseTopic, RobotLevel, Scan, heights_of
-from semmap_log.cli.common import (
-    AsJson,
-    LogPath,
-    PaletteChoice,
-    PaletteName,
-    Since,
-    Until,
-    console,
-    print_empty_log_hint,
-    print_json,
-    progress,
-    range_of,
-    say,
-)
 from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
@@ -37,7 +24,7 @@ PLOTS = (".png", ".svg")
 
 
 def run(
-    log: LogPath,
+    log: common.LogPath,
     bags: Annotated[
         list[Path] | None,
         typer.Argument(metavar="BAG", help="With scans; default: those kept beside the log."),
@@ -46,8 +33,8 @@ def run(
     door: Annotated[
         list[str] | None, typer.Option("--door", metavar="DOOR", help="Only this one; repeatable.")
     ] = None,
-    since: Since = None,
-    until: Until = None,
+    since: common.Since = None,
+    until: common.Until = None,
     scan: Scan = None,
     pose_topic: PoseTopic = None,
     heights: Heights = None,
@@ -64,8 +51,8 @@ def run(
             help="Draw visits: into X.png or .svg; or into a folder, a picture a door.",
         ),
     ] = None,
-    palette: PaletteChoice = PaletteName.default,
-    as_json: AsJson = False,
+    palette: common.PaletteChoice = common.PaletteName.default,
+    as_json: common.AsJson = False,
 ) -> None:
     """Show how a laser saw each door: visits, what they say, how sure, where beams end.
 
@@ -100,17 +87,17 @@ def run(
     from semmap_log.log.door_log.read_log import read
 
     opened = read(log)
-    print_empty_log_hint(opened)
+    common.print_empty_log_hint(opened)
     if plot is not None:
         check_outside_log(opened.path, plot)
-    start, end = range_of(opened, since, until)
+    start, end = common.range_of(opened, since, until)
     options = ImportOptions(
         level=level,
         mapping=mapping,
         scan=ScanOptions(tuple(filter(None, scan or ())), pose_topic or "", heights_of(heights)),
     )
     with (
-        progress("Reading", unit="messages") as told,
+        common.progress("Reading", unit="messages") as told,
         seen_visits(
             opened, bags, options,
             doors=[opened.resolve_any_door(name) for name in door] if door else None,
@@ -121,7 +108,7 @@ def run(
         if plot is not None:
             _plot(seen, report, plot, palette.colours)
     if as_json:
-        print_json(scan_report_to_json(report))
+        common.print_json(scan_report_to_json(report))
     else:
         _tell(report)
 
@@ -138,39 +125,40 @@ def _tell(report: ScanReport) -> None:
     from semmap_log.core.texts import deduplicated
     from semmap_log.views.scan_report_table import scan_report_table, warning_lines
 
-    console().print(scan_report_table(report))
+    common.console().print(scan_report_table(report))
     for line in report.summary:
-        say(line)
+        common.say(line)
     for line in deduplicated(warning_lines(report)):
-        say(f"warning: {line}")
+        common.say(f"warning: {line}")
 
 
 def _plot(seen: SeenVisits, report: ScanReport, out: Path, palette: Palette) -> None:
-    from semmap_log.views.plots.sighting_panels import (
-        MOST_OF_EACH,
-        MOST_OF_ONE,
-        DoorPictures,
-        plot_sightings,
-    )
+    from semmap_log.views.plots import sighting_panels
     from semmap_log.views.sightings.visit_words import drawn_visits
 
     if not report.doors:
-        say(f"{out}: not written; no door was visited.")
+        common.say(f"{out}: not written; no door was visited.")
         return
     is_one_a_door = not out.suffix
     alone = is_one_a_door or len(report.doors) == 1
-    drawn = drawn_visits(seen.visits, MOST_OF_ONE if alone else MOST_OF_EACH)
-    pictures = [DoorPictures(report.label(door.door_id), door, drawn[door.door_id])
+    drawn = drawn_visits(
+        seen.visits, sighting_panels.MOST_OF_ONE if alone else sighting_panels.MOST_OF_EACH
+    )
+    pictures = [sighting_panels.DoorPictures(report.label(door.door_id), door, drawn[door.door_id])
                 for door in report.doors]  # fmt: skip
     zone = seen.log.info.timezone
     if not is_one_a_door:
-        plot_sightings(pictures, out, tz=zone, palette=palette)
-        say(f"{out}: {counted(len(pictures), 'door')}.")
+        sighting_panels.plot_sightings(pictures, out, tz=zone, palette=palette)
+        common.say(f"{out}: {counted(len(pictures), 'door')}.")
         return
     _make_folder(out)
     for each in pictures:
-        plot_sightings([each], out / f"door_{each.figures.door_id}.png", tz=zone, palette=palette)
-    say(f"{out}: {counted(len(pictures), 'picture')}, door_{pictures[0].figures.door_id}.png …")
+        sighting_panels.plot_sightings(
+            [each], out / f"door_{each.figures.door_id}.png", tz=zone, palette=palette
+        )
+    common.say(
+        f"{out}: {counted(len(pictures), 'picture')}, door_{pictures[0].figures.door_id}.png …"
+    )
 
 
 def _make_folder(folder: Path) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from semmap_log.cli import writing_options
 from semmap_log.cli.ask import (
     ASK_POLL_S,
     TICK_S,
@@ -32,17 +33,6 @@ from semmap_log.cli.common import (
 from semmap_log.cli.costmap import By
 from semmap_log.cli.init import make_log
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
-from semmap_log.cli.writing_options import (
-    EVERY,
-    Adopt,
-    ShipTo,
-    SignEvery,
-    SignKey,
-    SyncChoice,
-    signer_of,
-    with_shipping,
-    with_signing,
-)
 from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
@@ -147,18 +137,19 @@ def run(
         bool, typer.Option("--read-only", help="Offer the map, refuse the actions; no lock.")
     ] = False,
     durability: Annotated[
-        SyncChoice, typer.Option(help="What is true of a goal when it is answered; see above.")
-    ] = SyncChoice.event,
+        writing_options.SyncChoice,
+        typer.Option(help="What is true of a goal when it is answered; see above."),
+    ] = writing_options.SyncChoice.event,
     batch_events: Annotated[
         int, typer.Option(min=1, help="batch: so many events at most are not yet synced.")
     ] = 64,
     batch_ms: Annotated[
         float, typer.Option(min=0, help="batch: after so long at most they are.")
     ] = 50.0,
-    ship: ShipTo = None,
-    sign_key: SignKey = None,
-    sign_every: SignEvery = EVERY,
-    adopt: Adopt = False,
+    ship: writing_options.ShipTo = None,
+    sign_key: writing_options.SignKey = None,
+    sign_every: writing_options.SignEvery = writing_options.EVERY,
+    adopt: writing_options.Adopt = False,
 ) -> None:
     """Serve a log's doors in ROS, as the thesis's server did, and to planners, until Ctrl-C.
 
@@ -293,12 +284,12 @@ def run(
         for tell in changes:
             tell()
 
-    shipping = with_shipping(log, ship)
+    shipping = writing_options.with_shipping(log, ship)
     if read_only and sign_key is not None:
         raise typer.BadParameter("signs what it writes, so not with --read-only",
                                  param_hint="--sign-key")  # fmt: skip
-    signer = signer_of(log, sign_key, sign_every, adopt=adopt)
-    signing = with_signing(log, signer)
+    signer = writing_options.signer_of(log, sign_key, sign_every, adopt=adopt)
+    signing = writing_options.with_signing(log, signer)
     doors: DoorServer | DoorFollower
     if read_only:
         if not (yaml is save_root is None):

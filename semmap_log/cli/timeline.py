@@ -2,33 +2,18 @@
 
 from __future__ import annotations
 
-from semmap_log.cli.common import (
-    AsJson,
-    At,
-    DoorName,
-    KnownAt,
-    LogPath,
-    Since,
-    Until,
-    check_recorded,
-    console,
-    note_later_events,
-    print_json,
-    progress,
-    range_of,
-    say,
-)
+from semmap_log.cli import common
 
 
 def run(
-    log: LogPath,
-    door: DoorName,
+    log: common.LogPath,
+    door: common.DoorName,
     *,
-    since: Since = None,
-    until: Until = None,
-    at: At = None,
-    known_at: KnownAt = None,
-    as_json: AsJson = False,
+    since: common.Since = None,
+    until: common.Until = None,
+    at: common.At = None,
+    known_at: common.KnownAt = None,
+    as_json: common.AsJson = False,
 ) -> None:
     """Show when a door was in which state: since, until, how long, and how often it was seen so.
 
@@ -47,24 +32,26 @@ def run(
     from semmap_log.log.door_log.read_log import read
 
     opened = read(log)
-    start, end = range_of(opened, since, until)
+    start, end = common.range_of(opened, since, until)
     door_id = opened.resolve_any_door(door)
-    with progress("Reading") as told:
+    with common.progress("Reading") as told:
         found = opened.timeline(door_id, at, known_at, since=start, until=end, progress=told)
     if not len(found):
-        check_recorded(opened, at, known_at, door=door_id)
+        common.check_recorded(opened, at, known_at, door=door_id)
     if as_json:
-        print_json(timeline_to_json(found, name=opened.door_names().get(door_id)))
+        common.print_json(timeline_to_json(found, name=opened.door_names().get(door_id)))
         return
     from semmap_log.core.model.doors import DOOR
     from semmap_log.views.timeline_table import timeline_pages, timeline_totals
 
-    out, of = console(), opened.objects().get(door_id, DOOR)
+    out, of = common.console(), opened.objects().get(door_id, DOOR)
     for page in timeline_pages(found, tz=opened.info.timezone, of=of):
         out.print(page)
     if not len(found):
-        say(f"door {door} was not in the map then; without times, all its intervals are shown.")
+        common.say(
+            f"door {door} was not in the map then; without times, all its intervals are shown."
+        )
     else:
         out.print(timeline_totals(found, tz=opened.info.timezone, of=of))
     if (found.state == DoorState.UNKNOWN).all():
-        note_later_events(opened, at, known_at, door=door_id)
+        common.note_later_events(opened, at, known_at, door=door_id)

@@ -6,20 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from semmap_log.cli import door_options
 from semmap_log.cli.common import AsJson, DoorName, WritableLog, check_not_nan, takes_about
-from semmap_log.cli.door_options import (
-    End,
-    Line,
-    Start,
-    StateOption,
-    Theta,
-    Width,
-    X,
-    Y,
-    a_state_typed,
-    line_of,
-    state_given,
-)
 
 if TYPE_CHECKING:
     from semmap_log.log.door_log.door_log_writer import About
@@ -33,14 +21,14 @@ def run(
         str | None, typer.Argument(metavar="STATE", help="Its state, such as closed.")
     ] = None,
     *,
-    x: X = None,
-    y: Y = None,
-    theta: Theta = None,
-    width: Width = None,
-    start: Start = None,
-    end: End = None,
+    x: door_options.X = None,
+    y: door_options.Y = None,
+    theta: door_options.Theta = None,
+    width: door_options.Width = None,
+    start: door_options.Start = None,
+    end: door_options.End = None,
     level: Annotated[str | None, typer.Option(help="Level, by number or name.")] = None,
-    state: StateOption = None,
+    state: door_options.StateOption = None,
     prob_open: Annotated[float | None, typer.Option(help="P(open), 0..1.")] = None,
     prob_closed: Annotated[float | None, typer.Option(help="P(closed), 0..1.")] = None,
     as_json: AsJson = False,
@@ -57,13 +45,13 @@ def run(
     from semmap_log.cli.door_options import tell
     from semmap_log.log.door_log.opening import append
 
-    state = state_given(word, state)
+    state = door_options.state_given(word, state)
     check_not_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
-    line = line_of(Line(x, y, theta, width), start, end)
+    line = door_options.line_of(door_options.Line(x, y, theta, width), start, end)
     fields = (line.x, line.y, line.theta, line.width, level, state, prob_open, prob_closed)
     if all(value is None for value in fields):
         raise typer.BadParameter("nothing to set: give at least one of the fields (--help)")
-    with append(log) as opened, a_state_typed():
+    with append(log) as opened, door_options.a_state_typed():
         appended = opened.update_door(
             door,
             x=line.x,

@@ -15,22 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from semmap_log.cli.common import (
-    AsJson,
-    LogPath,
-    OfClass,
-    PaletteChoice,
-    PaletteName,
-    Since,
-    Until,
-    doors_meant,
-    print_empty_log_hint,
-    print_json,
-    progress,
-    range_of,
-    say,
-    size_of,
-)
+from semmap_log.cli import common
 from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
@@ -48,17 +33,17 @@ class ThemeName(str, Enum):
 
 
 def run(
-    log: LogPath,
+    log: common.LogPath,
     *,
-    since: Since = None,
-    until: Until = None,
+    since: common.Since = None,
+    until: common.Until = None,
     at: Annotated[
         str | None, typer.Option("--at", metavar="TIME", help="Moment to show; default: the end.")
     ] = None,
     door: Annotated[
         list[str] | None, typer.Option("--door", metavar="DOOR", help="Only this one; repeatable.")
     ] = None,
-    object_class: OfClass = None,
+    object_class: common.OfClass = None,
     costmap: Annotated[
         bool,
         typer.Option(
@@ -79,7 +64,7 @@ def run(
             help="With the scans that --keep-scans of record or import kept: a view a door.",
         ),
     ] = True,
-    palette: PaletteChoice = PaletteName.default,
+    palette: common.PaletteChoice = common.PaletteName.default,
     follow: Annotated[
         bool,
         typer.Option("-f", "--follow", help="Go on with what comes, while another process writes."),
@@ -111,7 +96,7 @@ def run(
         str | None,
         typer.Option("--view", metavar="NAME", help="Of the picture: this view alone, by title."),
     ] = None,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Look at the history in the rerun viewer: floor plan, doors, state lanes, events, robot.
 
@@ -157,15 +142,15 @@ def run(
     from semmap_log.log.door_log.read_log import read
 
     opened = read(log)
-    print_empty_log_hint(opened)
+    common.print_empty_log_hint(opened)
     if screenshot is not None:
         check_outside_log(opened.path, screenshot)
     if follow:
         os.environ.setdefault("RUST_LOG", SDK_SAYS)
-    start, end = range_of(opened, since, until)
+    start, end = common.range_of(opened, since, until)
     if follow and end is not None:
         raise typer.BadParameter("--follow has no end; leave T2 out", param_hint="--since")
-    doors = doors_meant(opened, door, object_class)
+    doors = common.doors_meant(opened, door, object_class)
     at_ns = opened.moment(at).ns if at else None
     _warn_of_names(opened, doors)
     looks: dict[str, Any] = {
@@ -191,7 +176,7 @@ def run(
 
             open_viewer(rrd, at_ns=at_ns)
     if as_json:
-        print_json({
+        common.print_json({
             "save": None if save is None else str(save),
             "screenshot": None if screenshot is None else str(screenshot),
             "events": summary.events,
@@ -251,7 +236,7 @@ def _warn_of_names(opened: DoorLog, doors: list[DoorId] | None) -> None:
     names = {n: name for n, name in opened.door_names().items() if doors is None or n in doors}
     lacking = [n for n, name in names.items() if not is_drawable_name(name)]
     if lacking:
-        say(
+        common.say(
             f"The viewer's font lacks letters in the names of {counted(len(lacking), 'door')}: "
             f'there they are called by their numbers, such as "door {lacking[0]}". The page that '
             f"`report` writes shows all names."
@@ -268,19 +253,19 @@ def _recording(
 
     with tempfile.TemporaryDirectory(prefix="semmap-log-") as folder:
         path = save or Path(folder) / f"{log_name(opened.path)}.rrd"
-        with progress("Replaying") as told:
+        with common.progress("Replaying") as told:
             summary = save_rrd(opened, path, progress=told, **looks)
         if save is not None:
-            say(
-                f"{save}: {counted(summary.events, 'event')}, {size_of(summary.bytes)}, "
+            common.say(
+                f"{save}: {counted(summary.events, 'event')}, {common.size_of(summary.bytes)}, "
                 f"{summary.seconds:.1f} s. To look at it: rerun {shlex.quote(str(save))}"
             )
             if left_out := str(summary.left_out):
-                say(f"As no eye would see them, {left_out}.")
+                common.say(f"As no eye would see them, {left_out}.")
         for problem in summary.problems:
-            say(f"warning: {problem}")
+            common.say(f"warning: {problem}")
         if left := summary.sightings_left_out:
-            say(f"{counted(left, 'sighting')} of doors not shown; name doors with --door.")
+            common.say(f"{counted(left, 'sighting')} of doors not shown; name doors with --door.")
         yield path, summary
 
 
@@ -288,7 +273,7 @@ def _take_picture(rrd: Path, png: Path, **how: Any) -> None:
     from semmap_log.views.rerun.process import screenshot
 
     screenshot(rrd, png, **how)
-    say(f"{png}: written.")
+    common.say(f"{png}: written.")
 
 
 def _serve(rrd: Path, *, theme: ThemeName | None, browser: bool) -> None:
@@ -317,7 +302,7 @@ def _follow(
 
     def show(program: RerunProcess, forget: Callable[[str], None] | None = None) -> None:
         try:
-            with progress("Replaying") as told:
+            with common.progress("Replaying") as told:
                 follow_in_viewer(
                     opened, program.url, LiveViewOptions(**looks),
                     stop=program.has_ended, forget=forget, progress=told,
@@ -343,10 +328,10 @@ def _follow(
 def _print_address(viewer: WebViewer, theme: ThemeName | None, *, browser: bool) -> None:
     address = viewer.page(None if theme is None else theme.value)
     typer.echo(address)
-    say("Open this address in a browser of this machine; Ctrl-C ends it.")
+    common.say("Open this address in a browser of this machine; Ctrl-C ends it.")
     sys.stdout.flush()
     if browser:
         import webbrowser
 
         if not webbrowser.open(address):
-            say("No browser could be opened here.")
+            common.say("No browser could be opened here.")

@@ -6,31 +6,21 @@ from typing import Annotated
 
 import typer
 
-from semmap_log.cli.common import (
-    AsJson,
-    DoorName,
-    KnownAt,
-    LogPath,
-    console,
-    note_later_events,
-    print_empty_log_hint,
-    print_json,
-    progress,
-)
+from semmap_log.cli import common
 
 
 def run(
-    log: LogPath,
-    door: DoorName,
+    log: common.LogPath,
+    door: common.DoorName,
     *,
     at: Annotated[
         str | None, typer.Option("--at", metavar="TIME", help="The moment; default: now.")
     ] = None,
-    known_at: KnownAt = None,
+    known_at: common.KnownAt = None,
     near: Annotated[
         str, typer.Option("--near", metavar="DURATION", help="What says otherwise: so near to it.")
     ] = "10min",
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Show why a door was in a state: what was true, what was believed, and who reported it.
 
@@ -59,14 +49,14 @@ def run(
     from semmap_log.log.door_log.read_log import read
 
     opened = read(log)
-    print_empty_log_hint(opened)
-    with progress("Reading") as told:
+    common.print_empty_log_hint(opened)
+    with common.progress("Reading") as told:
         found = opened.why(door, at, known_at, near_ns=parse_duration(near), progress=told)
     if as_json:
-        print_json(explanation_to_json(found))
+        common.print_json(explanation_to_json(found))
         return
     from semmap_log.views.timeline_table import explanation_table
 
-    console().print(explanation_table(found, tz=opened.info.timezone))
+    common.console().print(explanation_table(found, tz=opened.info.timezone))
     if found.true.state is None:
-        note_later_events(opened, at, known_at, door=found.door_id)
+        common.note_later_events(opened, at, known_at, door=found.door_id)

@@ -8,17 +8,11 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
+from semmap_log import errors
 from semmap_log.core.io.disk import atomic_folder
 from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import UrlPath
-from semmap_log.errors import (
-    CorruptLogError,
-    LogExistsError,
-    NotALogError,
-    OutputError,
-    SemmapError,
-)
 from semmap_log.log.replay.maintenance import verify
 from semmap_log.store.bag_metadata import write_bag_metadata
 from semmap_log.store.byte_layout import MANIFEST_NAME, segment_name
@@ -58,11 +52,11 @@ def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetch
         OutputError: The disk cannot be written.
     """
     if os.path.lexists(folder):
-        raise LogExistsError(f"{folder}: exists; fetch into a new folder.")
+        raise errors.LogExistsError(f"{folder}: exists; fetch into a new folder.")
     store = ObjectStore(url)
     kept = read_manifest(store)
     if kept is None:
-        raise NotALogError(
+        raise errors.NotALogError(
             f"{url}: no {MANIFEST_NAME} there, so no log was shipped to it. You can read a log "
             "that was copied there by other means, and copy it back by those."
         )
@@ -80,11 +74,13 @@ def fetch(url: UrlPath, folder: Path, progress: Progress | None = None) -> Fetch
             _write_lists(LogFolder(part), manifest)
             verified = verify(part)
             _check_whole(url, verified)
-    except SemmapError:
+    except errors.SemmapError:
         raise  # the store's errors are OSErrors, too
     except OSError as error:
         said = error.strerror or error
-        raise OutputError(f"{folder}: could not be written: {said}. Nothing is left.") from error
+        raise errors.OutputError(
+            f"{folder}: could not be written: {said}. Nothing is left."
+        ) from error
     return Fetched(manifest, total, verified.moved(part, folder))
 
 
@@ -96,7 +92,7 @@ def _check_room(url: UrlPath, folder: Path, size: int) -> None:
     """
     free = shutil.disk_usage(folder.parent).free
     if size > free:
-        raise OutputError(
+        raise errors.OutputError(
             f"{folder}: expected room for {size:,} bytes, as the manifest of {url} claims, got "
             f"{free:,} free; nothing was fetched."
         )
@@ -116,7 +112,7 @@ def _check_whole(url: UrlPath, verified: Verification) -> None:
     """
     if verified.exit_code:
         first = next((finding.text for finding in verified.findings), "not whole")
-        raise CorruptLogError(url, None, f"what came is no whole log: {first}")
+        raise errors.CorruptLogError(url, None, f"what came is no whole log: {first}")
 
 
 def _bring(
@@ -137,7 +133,9 @@ def _bring(
                 data = store.part(status, start, min(start + PART_BYTES, segment.size))
             except FileNotFoundError:
                 where = store.url / segment.name
-                raise CorruptLogError(where, None, "the manifest names it; it is gone") from None
+                raise errors.CorruptLogError(
+                    where, None, "the manifest names it; it is gone"
+                ) from None
             digest.update(data)
             file.write(data)
             come += len(data)
@@ -145,5 +143,5 @@ def _bring(
                 progress(come, total)
     if digest.hexdigest() != segment.sha256:
         where = store.url / segment.name
-        raise CorruptLogError(where, None, "it is not what was shipped (SHA-256)")
+        raise errors.CorruptLogError(where, None, "it is not what was shipped (SHA-256)")
     return come

@@ -20,14 +20,8 @@ from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError
-from semmap_log.fleet.shipping import (
-    check_conditions,
-    check_same_way,
-    closed_ones,
-    is_ahead,
-    shipped_before,
-    waiting_events,
-)
+from semmap_log.fleet import shipping
+from semmap_log.store import removed_part
 from semmap_log.store.bag_metadata import write_bag_metadata
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.lock import WriterLock
@@ -37,12 +31,6 @@ from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.removed_source import kept_bytes
 from semmap_log.store.reading.segment_reading import end_of, statistics_of
 from semmap_log.store.reading.segment_scan import Segment
-from semmap_log.store.removed_part import (
-    RemovedPart,
-    kept_name,
-    read_removed_part,
-    write_removed_part,
-)
 
 _READ_BYTES = 8 * BLOCK_BYTES
 
@@ -77,7 +65,7 @@ def remove_shipped(
         LogAccessError: The store, or the disk, denies access.
     """
     folder = LogFolder.held(log)
-    part = read_removed_part(folder)
+    part = removed_part.read_removed_part(folder)
     if part is not None and part.url != store.url:
         raise LogError(
             f"{log}: its removed segments lie at {part.url}; expected that, got {store.url}."
@@ -109,9 +97,9 @@ def _old(
     kept = read_manifest(store)
     if kept is None:
         raise LogError(f"{store.url}: no log lies there; nothing was removed.")
-    check_same_way(store.url, segments, kept.manifest)
+    shipping.check_same_way(store.url, segments, kept.manifest)
     closed = [segment for segment in segments if segment.closed][:-1]
-    shipped = shipped_before(closed, kept.manifest)
+    shipped = shipping.shipped_before(closed, kept.manifest)
     first = takewhile(lambda s: s.recorded[1] < before_ns and s.path.name in shipped, closed)
     return [(s, shipped[s.path.name]) for s in first if s.told is None]
 
@@ -165,7 +153,7 @@ def _check_unchanged(folder: LogFolder, old: Sequence[tuple[Segment, ShippedSegm
 def _remove(
     folder: LogFolder,
     store: ObjectStore,
-    part: RemovedPart | None,
+    part: removed_part.RemovedPart | None,
     old: Sequence[tuple[Segment, ShippedSegment]],
 ) -> RemovedHere:
     """Write the kept parts, then the list, then remove the files.
@@ -182,14 +170,14 @@ def _remove(
     kept = 0
     for segment, shipped in old:
         data = kept_bytes(segment, shipped)
-        folder.write_atomic(kept_name(segment.path.name), [data])
+        folder.write_atomic(removed_part.kept_name(segment.path.name), [data])
         files[segment.path.name] = hashlib.sha256(data).hexdigest(), shipped
         kept += len(data)
     in_order = sorted(files.items(), key=lambda item: item[1][1].header.number)
     shipped_ones = tuple(shipped for _, (_, shipped) in in_order)
     manifest = Manifest(1, shipped_ones[0].header.info, shipped_ones)
     pairs = tuple((file, digest) for file, (digest, _) in in_order)
-    write_removed_part(folder, RemovedPart(store.url, manifest, pairs))
+    removed_part.write_removed_part(folder, removed_part.RemovedPart(store.url, manifest, pairs))
     gone = {segment.path.name for segment, _ in old}
     stay = [s for s in LogReader(folder).segments if s.closed and s.told is None]
     write_bag_metadata(folder, [statistics_of(s) for s in stay if s.path.name not in gone])
@@ -258,18 +246,18 @@ def check_shipping(log: Path, place: UrlPath | ObjectStore) -> ShippingCheck:
         MissingExtraError: A package for stores is not installed.
     """
     segments = LogReader(LogFolder(log)).segments
-    closed = closed_ones(segments)
+    closed = shipping.closed_ones(segments)
     store = place if isinstance(place, ObjectStore) else ObjectStore(place)
     kept = read_manifest(store)
     there = None if kept is None else kept.manifest
     if there is not None:
-        check_same_way(store.url, segments, there)
+        shipping.check_same_way(store.url, segments, there)
     missing = _missing(closed, there)
     found = _listed(store)
     sent = {} if found is None else _sent_unnamed(missing, found, there)
     to_send = [one.size for one in missing if one.path.name not in sent]
     if to_send:
-        check_conditions(store)
+        shipping.check_conditions(store)
     return ShippingCheck(
         store.url,
         there,
@@ -286,16 +274,16 @@ def _missing(closed: Sequence[Segment], there: Manifest | None) -> list[Segment]
     """Return the closed segments that no manifest names."""
     if there is None:
         return list(closed)
-    if is_ahead(there, closed):
+    if shipping.is_ahead(there, closed):
         return []
-    shipped = shipped_before(closed, there)
+    shipped = shipping.shipped_before(closed, there)
     return [segment for segment in closed if segment.path.name not in shipped]
 
 
 def _is_list_old(closed: Sequence[Segment], there: Manifest | None) -> bool:
     if there is None:
         return bool(closed)
-    if is_ahead(there, closed):
+    if shipping.is_ahead(there, closed):
         return False
     named = [(one.header.number, one.size, one.head) for one in there.segments]
     return named != [(one.header.number, one.size, one.head) for one in closed]
@@ -303,7 +291,7 @@ def _is_list_old(closed: Sequence[Segment], there: Manifest | None) -> bool:
 
 def _waiting(segments: Sequence[Segment], there: Manifest | None) -> int:
     if there is not None:
-        return waiting_events(segments, there)
+        return shipping.waiting_events(segments, there)
     return end_of(segments[-1]) - segments[-1].header.first_event
 
 

@@ -14,16 +14,7 @@ from mcap.records import Statistics
 
 from semmap_log.core.lazily import late_pattern
 from semmap_log.core.messages import type_hash
-from semmap_log.store.byte_layout import (
-    BAG_METADATA_NAME,
-    FLOOR_MAP_CHANNEL,
-    FORMAT_MINOR,
-    TOMBSTONE_CHANNEL,
-    floor_map_topic,
-    offered_qos,
-    topics,
-    trimmed_topics,
-)
+from semmap_log.store import byte_layout
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.newer import NOTHING_NEWER, Newer, is_later_kind
@@ -59,7 +50,7 @@ class ClosedSegment:
 
 def may_hold_newer(header: SegmentHeader, counts: Mapping[int, int]) -> bool:
     """Return whether a segment's head is searched for topics that a later version has added."""
-    return header.minor > FORMAT_MINOR or any(map(is_later_kind, counts))
+    return header.minor > byte_layout.FORMAT_MINOR or any(map(is_later_kind, counts))
 
 
 def write_bag_metadata(folder: LogFolder, segments: Iterable[ClosedSegment]) -> None:
@@ -74,15 +65,15 @@ def write_bag_metadata(folder: LogFolder, segments: Iterable[ClosedSegment]) -> 
     if listed:
         text = bag_metadata_text(listed).encode()
         if not _says(folder, text):
-            folder.write_atomic(BAG_METADATA_NAME, [text])
-    elif folder.has(BAG_METADATA_NAME):
-        folder.remove(BAG_METADATA_NAME)
+            folder.write_atomic(byte_layout.BAG_METADATA_NAME, [text])
+    elif folder.has(byte_layout.BAG_METADATA_NAME):
+        folder.remove(byte_layout.BAG_METADATA_NAME)
         folder.sync()
 
 
 def _says(folder: LogFolder, text: bytes) -> bool:
     try:
-        return folder.read_bytes(BAG_METADATA_NAME, len(text) + 1) == text
+        return folder.read_bytes(byte_layout.BAG_METADATA_NAME, len(text) + 1) == text
     except OSError:
         return False
 
@@ -132,15 +123,21 @@ def bag_metadata_text(segments: list[ClosedSegment]) -> str:
 def _topics(segments: list[ClosedSegment], counts: Counter[int]) -> Iterator[str]:
     """Yield all fixed topics, with or without messages, and the floor maps that there are."""
     minor = max(segment.minor for segment in segments)
-    levels = (c - FLOOR_MAP_CHANNEL for c in counts if c > FLOOR_MAP_CHANNEL)
-    there = trimmed_topics() if TOMBSTONE_CHANNEL in counts else topics()
+    levels = (
+        c - byte_layout.FLOOR_MAP_CHANNEL for c in counts if c > byte_layout.FLOOR_MAP_CHANNEL
+    )
+    there = (
+        byte_layout.trimmed_topics()
+        if byte_layout.TOMBSTONE_CHANNEL in counts
+        else byte_layout.topics()
+    )
     fixed = [topic for topic in there if topic.since_minor <= minor]
-    known = [*fixed, *map(floor_map_topic, levels)]
+    known = [*fixed, *map(byte_layout.floor_map_topic, levels)]
     told = {
         topic.channel_id: (
             topic.topic,
             topic.ros_type,
-            offered_qos(topic.durability),
+            byte_layout.offered_qos(topic.durability),
             type_hash(topic.ros_type),
         )
         for topic in known

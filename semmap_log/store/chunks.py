@@ -11,13 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.io.checksum import crc32
+from semmap_log.store import byte_layout
 from semmap_log.store import records as mcap
-from semmap_log.store.byte_layout import (
-    COMPRESS_FROM_BYTES,
-    FLOOR_MAP_CHANNEL,
-    LAST_EVENT_CHANNEL,
-    ZSTD_LEVEL,
-)
 from semmap_log.store.record_scan import (
     FREE_CHUNK_BYTES,
     MAX_CHUNK_BYTES,
@@ -110,7 +105,9 @@ def build_chunk(
     """
     heads = heads_of(records, offsets)
     log_times, channel_ids = heads["log_time"], heads["channel_id"]
-    is_event = (channel_ids <= LAST_EVENT_CHANNEL) | (channel_ids >= FLOOR_MAP_CHANNEL)
+    is_event = (channel_ids <= byte_layout.LAST_EVENT_CHANNEL) | (
+        channel_ids >= byte_layout.FLOOR_MAP_CHANNEL
+    )
     happened = np.minimum(heads["publish_time"], log_times)[is_event]
     index, counts = message_indexes(channel_ids, log_times, offsets)
     return assemble_chunk(
@@ -165,7 +162,7 @@ def assemble_chunk(
     """
     size = len(records)
     if compression is None:
-        compression = "zstd" if size >= COMPRESS_FROM_BYTES else ""
+        compression = "zstd" if size >= byte_layout.COMPRESS_FROM_BYTES else ""
     stored = _compress(records) if compression else records
     head = mcap.chunk_head(
         stored_size=len(stored),
@@ -279,5 +276,5 @@ def _compress(records: bytes) -> bytes:
     import zstandard
 
     if not hasattr(_local, "compressor"):
-        _local.compressor = zstandard.ZstdCompressor(level=ZSTD_LEVEL)
+        _local.compressor = zstandard.ZstdCompressor(level=byte_layout.ZSTD_LEVEL)
     return bytes(_local.compressor.compress(records))

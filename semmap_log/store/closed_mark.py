@@ -30,13 +30,7 @@ from typing import Any
 
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CorruptLogError
-from semmap_log.store.byte_layout import (
-    DIGEST_KEY,
-    HASH_BYTES,
-    OLD_MARK_NAME,
-    mark_name,
-    mark_names,
-)
+from semmap_log.store import byte_layout
 from semmap_log.store.folder import LogFolder
 
 MOST_BYTES = 4096
@@ -66,7 +60,7 @@ class ClosedMark:
     @property
     def file(self) -> str:
         """Name of the file in which it is written."""
-        return mark_name(self.segment, self.next_event)
+        return byte_layout.mark_name(self.segment, self.next_event)
 
     @property
     def place(self) -> tuple[int, int]:
@@ -144,7 +138,7 @@ def listed_marks(folder: LogFolder) -> list[str]:
 
 def those_that_count(names: Sequence[str]) -> list[str]:
     """Return of all marks, by name, the last one, and the one of older versions."""
-    return [name for name in names if name in (names[-1], OLD_MARK_NAME)]
+    return [name for name in names if name in (names[-1], byte_layout.OLD_MARK_NAME)]
 
 
 def last_mark(names: Sequence[str], read: Callable[[str], ClosedMark | None]) -> ClosedMark | None:
@@ -163,7 +157,7 @@ def last_mark(names: Sequence[str], read: Callable[[str], ClosedMark | None]) ->
 
 def _names(folder: LogFolder) -> list[str]:
     try:
-        return mark_names(folder.names())
+        return byte_layout.mark_names(folder.names())
     except (FileNotFoundError, NotADirectoryError):
         return []
 
@@ -195,7 +189,7 @@ def mark_in(data: bytes, file: PurePath) -> ClosedMark:
     """
     try:
         mark = ClosedMark(**unsealed(json.loads(data)))
-        fits = len(bytes.fromhex(mark.head)) == HASH_BYTES and min(mark.place) >= 0
+        fits = len(bytes.fromhex(mark.head)) == byte_layout.HASH_BYTES and min(mark.place) >= 0
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         fits = False
     if not fits:
@@ -211,7 +205,7 @@ def _damaged(file: PurePath, problem: str) -> CorruptLogError:
 
 def sealed(entries: Mapping[str, Any]) -> str:
     """Return the text of the entries, followed by their digest."""
-    return json.dumps({**entries, DIGEST_KEY: _digest(entries)}) + "\n"
+    return json.dumps({**entries, byte_layout.DIGEST_KEY: _digest(entries)}) + "\n"
 
 
 def unsealed(found: Mapping[str, Any]) -> dict[str, Any]:
@@ -222,7 +216,7 @@ def unsealed(found: Mapping[str, Any]) -> dict[str, Any]:
         KeyError: It has no digest.
     """
     entries = dict(found)
-    if entries.pop(DIGEST_KEY) != _digest(entries):
+    if entries.pop(byte_layout.DIGEST_KEY) != _digest(entries):
         raise ValueError("its digest does not fit it")
     return entries
 

@@ -24,6 +24,7 @@ from semmap_log.core.messages import (
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Durability, Note
 from semmap_log.core.model.events import DoorAnnotated, Event, FloorMap
 from semmap_log.errors import CommandError, InvalidEventError
+from semmap_log.store import record_runs
 from semmap_log.store import records as mcap
 from semmap_log.store.byte_layout import (
     CHUNK_BYTES,
@@ -35,16 +36,6 @@ from semmap_log.store.byte_layout import (
 )
 from semmap_log.store.chunk_builder import ChunkBuilder, kept_template
 from semmap_log.store.chunks import BuiltChunk
-from semmap_log.store.record_runs import (
-    MOST,
-    Run,
-    Span,
-    Start,
-    is_columns,
-    plain_run,
-    run_of,
-    split_at,
-)
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -105,9 +96,11 @@ def _commit_packing() -> tuple[Callable[..., bytes], int]:
 
 
 @cache
-def _commit_run() -> Run:
+def _commit_run() -> record_runs.Run:
     """Return the run of one Commit record."""
-    return plain_run(COMMIT_CHANNEL, 1, layout("Commit").packer_after(mcap.MESSAGE).size)
+    return record_runs.plain_run(
+        COMMIT_CHANNEL, 1, layout("Commit").packer_after(mcap.MESSAGE).size
+    )
 
 
 class CommitBuilder:
@@ -154,8 +147,10 @@ class CommitBuilder:
         """Return the chunk of a commit that is one run of events: most of a patrol's."""
         stamp = self._stamp
         start_ns = stamp.recorded_ns
-        run, records, span = run_of(events, Start(stamp.first_event, start_ns), stamp.wall_clock_ns)
-        assert isinstance(run, Run)  # of one kind
+        run, records, span = record_runs.run_of(
+            events, record_runs.Start(stamp.first_event, start_ns), stamp.wall_clock_ns
+        )
+        assert isinstance(run, record_runs.Run)  # of one kind
         self._end_event, self._end_ns = stamp.first_event + run.count, start_ns + run.count
         digests = {run.channel: hashlib.sha256(records).digest()}
         record, self._hash = closing_record(stamp, self._end_event, self._end_ns, digests)
@@ -177,7 +172,7 @@ class CommitBuilder:
             raise CommandError("a commit wants at least one event.")
         if self._has_note:
             record = self._note_record(open_chunk.time)
-            open_chunk.add(plain_run(NOTE_CHANNEL, 1, len(record)), record)
+            open_chunk.add(record_runs.plain_run(NOTE_CHANNEL, 1, len(record)), record)
         open_chunk.hash_into(digests)
         yield self._last_chunk(open_chunk, {c: known.digest() for c, known in digests.items()})
 
@@ -185,14 +180,14 @@ class CommitBuilder:
         self, open_chunk: ChunkBuilder, events: Sequence[Event] | EventBatch
     ) -> Sequence[Event] | EventBatch:
         """Add as many of these events as there is room for, at least one; return the others."""
-        start = Start(self._end_event, open_chunk.time)
+        start = record_runs.Start(self._end_event, open_chunk.time)
         wall_ns = self._stamp.wall_clock_ns
         if not isinstance(events, EventBatch) and events[0].kind in OBJECT_KINDS:
             open_chunk.add(*self._object(events[0], start, wall_ns))
             self._end_event += 1
             return events[1:]
-        fits, rest = split_at(events, CHUNK_BYTES - open_chunk.size)
-        open_chunk.add(*run_of(fits, start, wall_ns))
+        fits, rest = record_runs.split_at(events, CHUNK_BYTES - open_chunk.size)
+        open_chunk.add(*record_runs.run_of(fits, start, wall_ns))
         self._end_event += len(fits)
         return rest
 
@@ -217,7 +212,9 @@ class CommitBuilder:
             self._note,
         )
 
-    def _object(self, event: Event, start: Start, wall_ns: int) -> tuple[Run, bytes, Span]:
+    def _object(
+        self, event: Event, start: record_runs.Start, wall_ns: int
+    ) -> tuple[record_runs.Run, bytes, record_runs.Span]:
         """Return the run, the record and the span of an event with texts or arrays."""
         channel, happened = event.kind, event.happened_ns
         happened = wall_ns if happened is None else happened
@@ -232,7 +229,7 @@ class CommitBuilder:
             expected = f"a record of at most {MOST_EVENT_BYTES} bytes"
             raise InvalidEventError(type(event).__name__, expected, len(record))
         counts_from = min(start.recorded_ns, happened)
-        return plain_run(channel, 1, len(record)), record, (counts_from, counts_from)
+        return record_runs.plain_run(channel, 1, len(record)), record, (counts_from, counts_from)
 
     def _note_record(self, time: int) -> bytes:
         note = self._note
@@ -261,12 +258,12 @@ class CommitBuilder:
 
 def _single_run(events: Iterable[Event | EventBatch]) -> Sequence[Event] | EventBatch | None:
     """Return what is one run of events, no longer than a chunk; None: it is not."""
-    if not isinstance(events, list) or not 0 < len(events) <= MOST:
+    if not isinstance(events, list) or not 0 < len(events) <= record_runs.MOST:
         return None
     first = events[0]
     if isinstance(first, EventBatch):
-        is_one = len(events) == 1 and 0 < len(first) <= MOST and len(first.columns) == 1
-        return first if is_one and is_columns(first) else None
+        is_one = len(events) == 1 and 0 < len(first) <= record_runs.MOST and len(first.columns) == 1
+        return first if is_one and record_runs.is_columns(first) else None
     kinds = events.kinds if isinstance(events, ColumnarEvents) else set(map(type, events))
     return None if len(kinds) > 1 or first.kind in OBJECT_KINDS else events
 
@@ -285,7 +282,7 @@ def _parts(events: Iterable[Event | EventBatch]) -> Iterator[Sequence[Event] | E
             parts = ((event,),)
         else:
             some.append(event)
-            if len(some) < MOST:
+            if len(some) < record_runs.MOST:
                 continue
         if some:
             yield some
@@ -297,7 +294,7 @@ def _parts(events: Iterable[Event | EventBatch]) -> Iterator[Sequence[Event] | E
 
 def _parts_of_batch(batch: EventBatch) -> Iterator[Sequence[Event] | EventBatch]:
     for part in batch.parts(ROWS_AT_A_TIME):
-        if len(part) and is_columns(part):
+        if len(part) and record_runs.is_columns(part):
             yield part
         else:
             yield from _parts(part.to_events())

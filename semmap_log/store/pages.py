@@ -39,23 +39,8 @@ from semmap_log.core.model.events import (
     unknown_kind,
 )
 from semmap_log.errors import CorruptLogError
+from semmap_log.store import byte_layout
 from semmap_log.store import records as mcap
-from semmap_log.store.byte_layout import (
-    ABOUT_A_DOOR,
-    COMMIT_CHANNEL,
-    FIXED_KINDS,
-    FLOOR_MAP_CHANNEL,
-    KEYFRAME_CHANNEL,
-    KIND_OF_CHANNEL,
-    NOTE_CHANNEL,
-    TOMBSTONE_CHANNEL,
-    EventFields,
-    fields_of,
-    kind_of_channel,
-    kinds_of,
-    message_lengths,
-    numbers_of_sequence,
-)
 from semmap_log.store.newer import name_of
 from semmap_log.store.record_scan import (
     ChunkDamage,
@@ -135,7 +120,11 @@ class Page:
     def levels(self) -> set[int]:
         """Levels whose floor map is here."""
         channels = distinct(self.heads["channel_id"])
-        return set((channels[channels >= FLOOR_MAP_CHANNEL] - FLOOR_MAP_CHANNEL).tolist())
+        return set(
+            (
+                channels[channels >= byte_layout.FLOOR_MAP_CHANNEL] - byte_layout.FLOOR_MAP_CHANNEL
+            ).tolist()
+        )
 
     def events(
         self,
@@ -164,10 +153,12 @@ class Page:
     ) -> EventBatch:
         fields = self.event_fields
         if doors is not None:
-            is_about_others = ABOUT_A_DOOR.take(fields.kind) & ~np.isin(fields.door_id, list(doors))
+            is_about_others = byte_layout.ABOUT_A_DOOR.take(fields.kind) & ~np.isin(
+                fields.door_id, list(doors)
+            )
             fields = fields.chosen(~is_about_others)
         places = places_by_kind(fields.kind)
-        fixed = {kind: mine for kind, mine in places.items() if kind in FIXED_KINDS}
+        fixed = {kind: mine for kind, mine in places.items() if kind in byte_layout.FIXED_KINDS}
         objects: dict[int, list[Event]] = {}
         door_ids = fields.door_id
         for kind, mine in places.items():
@@ -188,7 +179,7 @@ class Page:
         ).with_places(places)
 
     @property
-    def event_fields(self) -> EventFields:
+    def event_fields(self) -> byte_layout.EventFields:
         """The fixed fields of its events: made once, since callers may write to them.
 
         Raises:
@@ -197,7 +188,7 @@ class Page:
         known = None if self.scanned is None else self.scanned.events
         if known is not None:
             return known
-        fields = fields_of(self.heads, self.first_event)
+        fields = byte_layout.fields_of(self.heads, self.first_event)
         self._check_lengths(fields)
         return fields
 
@@ -209,7 +200,9 @@ class Page:
         """
         places = self.commit_places()
         try:
-            if len(places) < np.count_nonzero(self.heads["channel_id"] == COMMIT_CHANNEL):
+            if len(places) < np.count_nonzero(
+                self.heads["channel_id"] == byte_layout.COMMIT_CHANNEL
+            ):
                 raise ValueError("a Commit of a wrong size")  # noqa: TRY301
             return self._commits(places)
         except ValueError as error:
@@ -235,18 +228,18 @@ class Page:
 
     def event_numbers(self, *, recorded_by_ns: int | None = None) -> NDArray[np.int64]:
         """Return the numbers of its events, or of those that were recorded by a time."""
-        chosen = kinds_of(self.heads["channel_id"]) > 0
+        chosen = byte_layout.kinds_of(self.heads["channel_id"]) > 0
         if recorded_by_ns is not None:
             chosen &= self.heads["log_time"] <= recorded_by_ns
         return self.numbers(np.flatnonzero(chosen))
 
     def numbers(self, places: NDArray[np.intp]) -> NDArray[np.int64]:
         """Return the event numbers that the records at these places bear."""
-        return numbers_of_sequence(self.heads["sequence"][places], self.first_event)
+        return byte_layout.numbers_of_sequence(self.heads["sequence"][places], self.first_event)
 
     def commit_places(self) -> NDArray[np.intp]:
         """Return the places of its Commit messages, as far as they are of the right size."""
-        is_commit = self.heads["channel_id"] == COMMIT_CHANNEL
+        is_commit = self.heads["channel_id"] == byte_layout.COMMIT_CHANNEL
         size = mcap.MESSAGE_BODY_HEAD + layout("Commit").dtype.itemsize
         return np.flatnonzero(is_commit & (self.heads["length"] == size))
 
@@ -261,7 +254,7 @@ class Page:
 
     def keyframes(self) -> list[bytes]:
         """Return the CDR bytes of its Keyframe messages."""
-        chosen = np.flatnonzero(self.heads["channel_id"] == KEYFRAME_CHANNEL).tolist()
+        chosen = np.flatnonzero(self.heads["channel_id"] == byte_layout.KEYFRAME_CHANNEL).tolist()
         return [self._payload(i) for i in chosen]
 
     def _rows(self, kind: int, places: NDArray[np.intp]) -> NDArray[np.void]:
@@ -269,8 +262,8 @@ class Page:
             self.records, self.offsets, mcap.MESSAGE.size, places, fixed_layout(kind).dtype
         )
 
-    def _check_lengths(self, fields: EventFields) -> None:
-        lengths = message_lengths().take(fields.kind)
+    def _check_lengths(self, fields: byte_layout.EventFields) -> None:
+        lengths = byte_layout.message_lengths().take(fields.kind)
         got = self.heads["length"].take(fields.place).view(np.int64)
         wrong = fields.kind[(lengths >= 0) & (lengths != got)]
         if len(wrong):
@@ -295,7 +288,7 @@ class Page:
         return [self._unknown(cls, i) for i in places.tolist()]
 
     def _object(self, kind: int, i: int) -> Event:
-        level = max(0, int(self.heads["channel_id"][i]) - FLOOR_MAP_CHANNEL)
+        level = max(0, int(self.heads["channel_id"][i]) - byte_layout.FLOOR_MAP_CHANNEL)
         return decode(kind, self._payload(i), int(self.heads["publish_time"][i]), level)
 
     def _unknown(self, cls: type[UnknownEvent], i: int) -> Event:
@@ -306,7 +299,7 @@ class Page:
         rows = self.commit_rows(places)
         if len(rows) and rows["durability"].max() > max(Durability):
             raise ValueError(f"a Commit of durability {rows['durability'].max()}")
-        has_note = (places > 0) & (self.heads["channel_id"][places - 1] == NOTE_CHANNEL)
+        has_note = (places > 0) & (self.heads["channel_id"][places - 1] == byte_layout.NOTE_CHANNEL)
         recorded_ns = self.heads["log_time"][places] - rows["count"] - has_note
         notes = [
             self._note(place - 1) if has else _NO_NOTE
@@ -326,7 +319,7 @@ class Page:
     def _commit(self, i: int) -> Commit:
         at = int(self.offsets[i]) + mcap.MESSAGE.size
         fields: dict[str, Any] = layout("Commit").unpack(self.records, at)
-        has_note = i > 0 and bool(self.heads["channel_id"][i - 1] == NOTE_CHANNEL)
+        has_note = i > 0 and bool(self.heads["channel_id"][i - 1] == byte_layout.NOTE_CHANNEL)
         fields["durability"] = Durability(fields["durability"])
         closed_ns = int(self.heads["log_time"][i])
         return Commit(
@@ -364,7 +357,7 @@ def compiled_scan(
     if loops is None or not 0 <= first_event < _MOST_FIRST_EVENT:
         return None
     for room in (expected, int((ends - starts).sum()) // mcap.MESSAGE.size):
-        offsets, fields = np.empty(room, np.int64), EventFields.room_for(room)
+        offsets, fields = np.empty(room, np.int64), byte_layout.EventFields.room_for(room)
         chunks = ScannedChunks.room_for(len(starts))
         messages, events, has_wrong_length = loops.scan(
             records,
@@ -402,8 +395,10 @@ class _Tables(NamedTuple):
 
 @cache
 def _tables() -> _Tables:
-    is_about = ABOUT_A_DOOR.view(np.uint8)
-    return _Tables(KIND_OF_CHANNEL, BIT_OF_CHANNEL, message_lengths(), is_about)
+    is_about = byte_layout.ABOUT_A_DOOR.view(np.uint8)
+    return _Tables(
+        byte_layout.KIND_OF_CHANNEL, BIT_OF_CHANNEL, byte_layout.message_lengths(), is_about
+    )
 
 
 TOMBSTONE_BIT = 1
@@ -417,15 +412,15 @@ EVENT_BITS = FOREIGN_BIT - 2
 """Any kind of event, unknown ones, too."""
 
 _CARE = {
-    COMMIT_CHANNEL: COMMIT_BIT,
-    NOTE_CHANNEL: NOTE_BIT,
-    KEYFRAME_CHANNEL: KEYFRAME_BIT,
-    TOMBSTONE_CHANNEL: TOMBSTONE_BIT,
+    byte_layout.COMMIT_CHANNEL: COMMIT_BIT,
+    byte_layout.NOTE_CHANNEL: NOTE_BIT,
+    byte_layout.KEYFRAME_CHANNEL: KEYFRAME_BIT,
+    byte_layout.TOMBSTONE_CHANNEL: TOMBSTONE_BIT,
 }
 
 
 def _bit_of_channel(channel: int) -> int:
-    kind = kind_of_channel(channel)
+    kind = byte_layout.kind_of_channel(channel)
     return _CARE.get(channel, FOREIGN_BIT) if kind is None else _bit_of_kind(kind)
 
 
@@ -433,10 +428,10 @@ def _bit_of_kind(kind: int) -> int:
     return 1 << kind if kind <= len(KINDS) else UNKNOWN_BIT
 
 
-BIT_OF_CHANNEL = np.full(2**16, _bit_of_channel(FLOOR_MAP_CHANNEL), np.uint32)
+BIT_OF_CHANNEL = np.full(2**16, _bit_of_channel(byte_layout.FLOOR_MAP_CHANNEL), np.uint32)
 """The bit of each possible channel; those after the first floor map's carry floor maps, too."""
-BIT_OF_CHANNEL[:FLOOR_MAP_CHANNEL] = [
-    _bit_of_channel(channel) for channel in range(FLOOR_MAP_CHANNEL)
+BIT_OF_CHANNEL[: byte_layout.FLOOR_MAP_CHANNEL] = [
+    _bit_of_channel(channel) for channel in range(byte_layout.FLOOR_MAP_CHANNEL)
 ]
 
 

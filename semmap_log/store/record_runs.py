@@ -18,15 +18,9 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
+from semmap_log.core import messages
 from semmap_log.core.batches.columnar_events import NO_TIME, ColumnarEvents
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.messages import (
-    CDR_HEADER,
-    OBJECT_KINDS,
-    field_getter,
-    field_getters,
-    fixed_layout,
-)
 from semmap_log.core.model.events import KINDS, Event
 from semmap_log.store import records as mcap
 
@@ -67,12 +61,12 @@ class EventRun(Run):
     def __init__(self, kind: int, count: int) -> None:
         """Prepare what does not depend on the events' values."""
         super().__init__(kind, count, record_size(kind))
-        fixed = fixed_layout(kind)
+        fixed = messages.fixed_layout(kind)
         self._head = _template(kind).tobytes()[:_SAME_BYTES]
-        self._values = field_getter(kind)
-        self._columns = field_getters(kind)
+        self._values = messages.field_getter(kind)
+        self._columns = messages.field_getters(kind)
         """Of an event about a door, that is the first."""
-        one = [self._head, 0, 0, 0, CDR_HEADER, *[0] * len(fixed.fields)]
+        one = [self._head, 0, 0, 0, messages.CDR_HEADER, *[0] * len(fixed.fields)]
         self._width = len(one)
         self._is_few = count <= FEW
         self._pack = fixed.packer_after(_HEAD, 1 if self._is_few else count).pack
@@ -96,7 +90,9 @@ class EventRun(Run):
     def of_event(self, event: Event, number: int, time: int, happened_ns: int) -> bytes:
         """Return the record of one event of a run of few."""
         sequence = number & _LOW_32_BITS
-        return self._pack(self._head, sequence, time, happened_ns, CDR_HEADER, *self._values(event))
+        return self._pack(
+            self._head, sequence, time, happened_ns, messages.CDR_HEADER, *self._values(event)
+        )
 
     def _of_many(
         self, events: Sequence[Event], number: int, time: int, happened: list[int]
@@ -211,7 +207,7 @@ def _run_of_batch(batch: EventBatch, start: Start, wall_ns: int) -> tuple[AnyRun
 
 def is_columns(batch: EventBatch) -> bool:
     """Return whether all events of a batch have fixed sizes; `run_of` accepts no others."""
-    return not batch.objects and not OBJECT_KINDS & batch.columns.keys()
+    return not batch.objects and not messages.OBJECT_KINDS & batch.columns.keys()
 
 
 def record_size(kind: int) -> int:
@@ -288,7 +284,7 @@ def _packed_rows(
     rows["sequence"] = (steps + start.event) & _LOW_32_BITS
     rows["log_time"] = steps + start.recorded_ns
     rows["publish_time"] = happened
-    for name in fixed_layout(kind).fields:
+    for name in messages.fixed_layout(kind).fields:
         column = fields[name]
         rows[name] = column if column.dtype != np.bool_ else column.view(np.uint8) != 0
     return rows
@@ -314,11 +310,11 @@ def _span_of(happened: NDArray[np.int64], recorded_ns: int, steps: NDArray[np.in
 @cache
 def _template(kind: int) -> NDArray[np.void]:
     """Return one record with all that is the same in every event of a kind."""
-    row = np.zeros(1, fixed_layout(kind).behind(mcap.MESSAGE_DTYPE))
+    row = np.zeros(1, messages.fixed_layout(kind).behind(mcap.MESSAGE_DTYPE))
     row["opcode"], row["channel_id"] = _MESSAGE, kind
     row["length"] = row.dtype.itemsize - mcap.FRAME.size
-    header = slice(mcap.MESSAGE.size, mcap.MESSAGE.size + len(CDR_HEADER))
-    row.view(np.uint8)[header] = np.frombuffer(CDR_HEADER, np.uint8)
+    header = slice(mcap.MESSAGE.size, mcap.MESSAGE.size + len(messages.CDR_HEADER))
+    row.view(np.uint8)[header] = np.frombuffer(messages.CDR_HEADER, np.uint8)
     return row
 
 
@@ -326,7 +322,7 @@ def _template(kind: int) -> NDArray[np.void]:
 def _sizes() -> NDArray[np.int64]:
     """Return the bytes of a record by its kind; 0: not fixed."""
     kinds = [kind.kind for kind in KINDS]
-    sizes = [0, *(0 if kind in OBJECT_KINDS else record_size(kind) for kind in kinds)]
+    sizes = [0, *(0 if kind in messages.OBJECT_KINDS else record_size(kind) for kind in kinds)]
     return np.array(sizes, np.int64)
 
 

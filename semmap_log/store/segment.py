@@ -32,40 +32,25 @@ from semmap_log.core.io.checksum import crc32
 from semmap_log.core.io.disk import write_all
 from semmap_log.core.io.reserved_blocks import ReservedBlocks
 from semmap_log.core.messages import schema_text, type_hash
+from semmap_log.store import byte_layout
 from semmap_log.store import records as mcap
 from semmap_log.store.bag_metadata import ClosedSegment
-from semmap_log.store.byte_layout import (
-    CHANGES_KEY,
-    COMMIT_CHANNEL,
-    FORMAT_MINOR,
-    INDEX_METADATA,
-    LIBRARY,
-    LOG_METADATA,
-    NOTHING,
-    PROFILE,
-    Topic,
-    count_events,
-    floor_map_topic,
-    offered_qos,
-    topics,
-    trimmed_topics,
-)
 from semmap_log.store.chunks import BuiltChunk, ChunkFacts
 from semmap_log.store.command_index import WrittenCommits, attachment
 from semmap_log.store.folder import LogFolder, Version, version_of
 from semmap_log.store.header import SegmentHeader, index_metadata
 
 
-def channel_record(topic: Topic) -> Channel:
+def channel_record(topic: byte_layout.Topic) -> Channel:
     """Return the MCAP Channel of a topic."""
     return Channel(
         id=topic.channel_id,
         topic=topic.topic,
         message_encoding="cdr",
         metadata={
-            "offered_qos_profiles": offered_qos(topic.durability),
+            "offered_qos_profiles": byte_layout.offered_qos(topic.durability),
             "topic_type_hash": type_hash(topic.ros_type),
-            **({CHANGES_KEY: NOTHING} if topic.changes_nothing else {}),
+            **({byte_layout.CHANGES_KEY: byte_layout.NOTHING} if topic.changes_nothing else {}),
         },
         schema_id=topic.schema_id,
     )
@@ -95,7 +80,9 @@ class Head:
     def of(cls, header: SegmentHeader) -> Head:
         """Return those of a version, and what a later one has added."""
         is_trimmed = header.trimmed is not None
-        schemas, channels = _known_head(min(header.minor, FORMAT_MINOR), is_trimmed=is_trimmed)
+        schemas, channels = _known_head(
+            min(header.minor, byte_layout.FORMAT_MINOR), is_trimmed=is_trimmed
+        )
         return cls(
             _in_order(schemas, header.newer.schemas), _in_order(channels, header.newer.channels)
         )
@@ -112,7 +99,7 @@ def _known_head(
     minor: int, *, is_trimmed: bool
 ) -> tuple[tuple[tuple[int, bytes], ...], tuple[tuple[int, bytes], ...]]:
     """Return id and record of each Schema, and of each Channel, of a minor version."""
-    known = trimmed_topics() if is_trimmed else topics()
+    known = byte_layout.trimmed_topics() if is_trimmed else byte_layout.topics()
     there = [topic for topic in known if topic.since_minor <= minor]
     schemas = {topic.schema_id: topic.ros_type for topic in there}
     return (
@@ -169,8 +156,11 @@ class SegmentWriter:
         self.temporary, self._fd = folder.new_file(name)
         self._blocks = ReservedBlocks(self._fd)
         try:
-            self._write(mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY)))
-            self._write_metadata(LOG_METADATA, mcap.record(header.to_metadata()))
+            self._write(
+                mcap.MAGIC
+                + mcap.record(Header(profile=byte_layout.PROFILE, library=byte_layout.LIBRARY))
+            )
+            self._write_metadata(byte_layout.LOG_METADATA, mcap.record(header.to_metadata()))
             self._write(b"".join((*self._head.schemas, *self._head.channels)))
         except BaseException:
             self.abandon()
@@ -201,7 +191,9 @@ class SegmentWriter:
         offset = self.size
         if not levels <= self.levels:
             new = sorted(levels - self.levels)
-            channels = mcap.record(*(channel_record(floor_map_topic(level)) for level in new))
+            channels = mcap.record(
+                *(channel_record(byte_layout.floor_map_topic(level)) for level in new)
+            )
             data = channels + data
             offset += len(channels)
             self.levels.update(new)
@@ -215,7 +207,7 @@ class SegmentWriter:
         facts = chunk.facts
         self._chunks.append((offset, facts))
         self._next_events.append(next_event)
-        self.commits += facts.counts.get(COMMIT_CHANNEL, 0)
+        self.commits += facts.counts.get(byte_layout.COMMIT_CHANNEL, 0)
         self.written.add(chunk)
 
     def flush(self) -> None:
@@ -287,13 +279,13 @@ class SegmentWriter:
     def _close(self) -> None:
         facts = [facts for _, facts in self._chunks]
         index = index_metadata(
-            [count_events(one.counts) for one in facts],
+            [byte_layout.count_events(one.counts) for one in facts],
             [one.happened[0] for one in facts],
             [one.happened[1] for one in facts],
             self.written.head,
             None if self.header.trimmed is None else self._next_events,
         )
-        self._write_metadata(INDEX_METADATA, mcap.record(index))
+        self._write_metadata(byte_layout.INDEX_METADATA, mcap.record(index))
         self._write_command_index()
         self._write(mcap.record(DataEnd(data_section_crc=self._crc)))
         self._write(self._summary())
@@ -390,7 +382,10 @@ class SegmentWriter:
 
     def _summary(self) -> bytes:
         """Return what stands between DataEnd and the magic: summary, summary offsets, footer."""
-        maps = [channel_record(floor_map_topic(level)) for level in sorted(self.levels - {0})]
+        maps = [
+            channel_record(byte_layout.floor_map_topic(level))
+            for level in sorted(self.levels - {0})
+        ]
         indexes = [facts.index_at(offset) for offset, facts in self._chunks]
         groups = [
             (Opcode.SCHEMA, b"".join(self._head.schemas)),

@@ -24,29 +24,9 @@ from semmap_log.core.texts import counted
 from semmap_log.log.door_log.appender import Appended
 from semmap_log.log.door_log.door_log import DoorLog, Time
 from semmap_log.log.door_log.explanation import Explanation
-from semmap_log.views import column_table
-from semmap_log.views.belief_words import (
-    CARRIED_OVER,
-    labels_in,
-    moment_text,
-    named,
-    never_seen_lines,
-    short_number,
-    with_interval,
-)
+from semmap_log.views import belief_words, column_table, tables
 from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn, add_pair, pairs
 from semmap_log.views.event_words import printable
-from semmap_log.views.tables import (
-    ABSENT,
-    OTHER_STATE_COLOUR,
-    SHORTEST_NAME,
-    STATE_COLOURS,
-    age,
-    diff_table,
-    door_table,
-    entry_table,
-    hold_setting,
-)
 from semmap_log.views.timeline_table import explanation_table, timeline_pages, timeline_totals
 
 UTC = "UTC"
@@ -104,14 +84,14 @@ def _(log: DoorLog) -> RenderableType:
         first, last = (format_local(ns, info.timezone) for ns in span)
         add_pair(table, "happened", f"{first} to {last}")
     add_pair(table, "time zone", info.timezone)
-    add_pair(table, "sightings", f"hold {hold_setting(info.holds)}")
+    add_pair(table, "sightings", f"hold {tables.hold_setting(info.holds)}")
     add_pair(table, "log id", info.log_id)
     return Group(Text(repr(log)), table)
 
 
 @_shown.register
 def _(door_map: DoorMap) -> RenderableType:
-    return door_table(door_map, tz=UTC)
+    return tables.door_table(door_map, tz=UTC)
 
 
 @_shown.register
@@ -126,12 +106,12 @@ def _(timeline: Timeline) -> RenderableType:
 
 @_shown.register
 def _(found: Diff) -> RenderableType:
-    return diff_table(found, tz=UTC)
+    return tables.diff_table(found, tz=UTC)
 
 
 @_shown.register
 def _(entry: HistoryEntry) -> RenderableType:
-    return entry_table(entry, tz=UTC)
+    return tables.entry_table(entry, tz=UTC)
 
 
 @_shown.register
@@ -185,8 +165,8 @@ def belief_table(beliefs: Sequence[DoorBelief], *, tz: str) -> RenderableType:
     for belief in beliefs:
         table.add(
             str(belief.door.door_id),
-            Text(printable(belief.door.name or ABSENT)),
-            Text(printable(belief.level_name or ABSENT)),
+            Text(printable(belief.door.name or tables.ABSENT)),
+            Text(printable(belief.level_name or tables.ABSENT)),
             *_numbers(belief),
             *_evidence(belief, tz),
         )
@@ -197,7 +177,7 @@ def belief_table(beliefs: Sequence[DoorBelief], *, tz: str) -> RenderableType:
 def _columns(*, names: bool, levels: bool) -> list[TableColumn]:
     return [
         TableColumn("door_id", "id", right=True),
-        TableColumn("name", "name" if names else None, least=SHORTEST_NAME),
+        TableColumn("name", "name" if names else None, least=tables.SHORTEST_NAME),
         TableColumn("level", "level" if levels else None, least=8, yields=1),
         TableColumn("", "P(open)"),
         TableColumn("p_open"),
@@ -220,12 +200,12 @@ def _names_its_level(belief: DoorBelief) -> bool:
 def _numbers(belief: DoorBelief) -> tuple[Cell, ...]:
     """Return P(open) as drawn, then alone and with its interval, and P(closed)."""
     if not belief.is_known:
-        return Text("UNKNOWN", style=OTHER_STATE_COLOUR), *[ABSENT] * 4
+        return Text("UNKNOWN", style=tables.OTHER_STATE_COLOUR), *[tables.ABSENT] * 4
     state = DoorState.OPEN if belief.p_open >= LIKELY else DoorState.CLOSED
-    said = with_interval(belief.p_open, belief.low, belief.high)
+    said = belief_words.with_interval(belief.p_open, belief.low, belief.high)
     exact = (f"{p:.4f}" for p in (belief.p_open, belief.low, belief.high))
-    p_closed = CellValue(short_number(belief.p_closed), f"{belief.p_closed:.4f}")
-    return Text(said, style=STATE_COLOURS[state]), *exact, p_closed
+    p_closed = CellValue(belief_words.short_number(belief.p_closed), f"{belief.p_closed:.4f}")
+    return Text(said, style=tables.STATE_COLOURS[state]), *exact, p_closed
 
 
 def _evidence(belief: DoorBelief, tz: str) -> tuple[Cell, ...]:
@@ -236,26 +216,26 @@ def _evidence(belief: DoorBelief, tz: str) -> tuple[Cell, ...]:
         f"{seen.coverage.days:.1f}",
         CellValue(f"{seen.counts.words:,}", str(seen.counts.words)),
         CellValue(f"{seen.counts.visits:,}", str(seen.counts.visits)),
-        age(last_ns, belief.known_ns),
-        ABSENT if last_ns is None else format_local(last_ns, tz),
-        CellValue(str(unseen or ABSENT), str(unseen)),
+        tables.age(last_ns, belief.known_ns),
+        tables.ABSENT if last_ns is None else format_local(last_ns, tz),
+        CellValue(str(unseen or tables.ABSENT), str(unseen)),
     )
 
 
 def _notes(beliefs: Sequence[DoorBelief], tz: str) -> list[str]:
     first = beliefs[0]
-    moment, known = (moment_text(ns, tz) for ns in (first.time_ns, first.known_ns))
+    moment, known = (belief_words.moment_text(ns, tz) for ns in (first.time_ns, first.known_ns))
     when = moment if moment == known else f"{moment}, as known at {known}"
     key = "in brackets the 90 % interval; hours unseen: of the 168 of a week"
     notes = [f"at {when} ({tz}), by {first.estimator}; {key}"]
     reasons: dict[str, list[str]] = {}
-    for belief, label in zip(beliefs, labels_in(beliefs), strict=True):
+    for belief, label in zip(beliefs, belief_words.labels_in(beliefs), strict=True):
         if not belief.is_known:
             empty = belief.evidence.is_empty
             reason = "never seen" if empty else LITTLE_SEEN
             reasons.setdefault(reason, []).append(label)
     for reason, unknown in reasons.items():
-        notes.append(f"UNKNOWN, {reason}: {named(unknown)}")
-    unseen = never_seen_lines(beliefs)
+        notes.append(f"UNKNOWN, {reason}: {belief_words.named(unknown)}")
+    unseen = belief_words.never_seen_lines(beliefs)
     carried_over = unseen and any(belief.is_known for belief in beliefs)
-    return [*notes, *unseen, *[CARRIED_OVER] * bool(carried_over)]
+    return [*notes, *unseen, *[belief_words.CARRIED_OVER] * bool(carried_over)]

@@ -12,36 +12,14 @@ from typing import cast
 
 from typing_extensions import assert_never
 
+from semmap_log.core.model import events
 from semmap_log.core.model.doors import DOOR, DoorState, ObjectClass
-from semmap_log.core.model.events import (
-    AnyEvent,
-    ClassDefined,
-    DoorAdded,
-    DoorAnnotated,
-    DoorObserved,
-    DoorPassed,
-    DoorRemoved,
-    DoorRequested,
-    DoorUpdated,
-    Event,
-    FloorMap,
-    HistoryTrimmed,
-    LevelAdded,
-    LogExported,
-    MomentPinned,
-    PatrolFinished,
-    PatrolStarted,
-    Retracted,
-    RobotPose,
-    SightingsThinned,
-    UnknownEvent,
-)
 from semmap_log.core.model.meaning import PARTS, Changed
 from semmap_log.core.model.moments import format_utc
 from semmap_log.core.texts import counted, percent
 
 
-def words_of(event: Event, of: ObjectClass = DOOR, *, in_full: bool = False) -> str:
+def words_of(event: events.Event, of: ObjectClass = DOOR, *, in_full: bool = False) -> str:
     """Return what happened, such as `seen OPEN (90 %)`.
 
     Args:
@@ -49,53 +27,53 @@ def words_of(event: Event, of: ObjectClass = DOOR, *, in_full: bool = False) -> 
         of: The class of the event's object, which names the states.
         in_full: As part of a sentence: `seen OPEN (accuracy 90 %)`.
     """
-    known = cast("AnyEvent", event)
+    known = cast("events.AnyEvent", event)
     match known:
-        case DoorAdded():
+        case events.DoorAdded():
             place = "" if not math.isnan(known.x) else " without a place"
             return f"added{place}, {of.word(known.state)}{_probabilities(known)}"
-        case DoorUpdated():
+        case events.DoorUpdated():
             return _update(known, of)
-        case DoorRemoved():
+        case events.DoorRemoved():
             return "removed from the map"
-        case DoorObserved():
+        case events.DoorObserved():
             seen = f"seen {of.word(known.state)}"
             return f"{seen}{_accuracy(known, in_full=in_full)}{_opening(known)}"
-        case DoorRequested():
+        case events.DoorRequested():
             return f"asked to be {of.word(known.state)}"
-        case DoorPassed():
+        case events.DoorPassed():
             unit = "seconds of waiting" if in_full else "s"
             waited = "" if math.isnan(known.waited_s) else f" after {known.waited_s:.0f} {unit}"
             return f"passed{waited}" if known.passed else f"given up{waited}"
-        case PatrolStarted():
+        case events.PatrolStarted():
             return f"patrol {known.patrol} started"
-        case PatrolFinished():
+        case events.PatrolFinished():
             return f"patrol {known.patrol} finished"
-        case RobotPose():
+        case events.RobotPose():
             return f"robot at {known.x:.2f}, {known.y:.2f}"
-        case Retracted():
+        case events.Retracted():
             if known.first_event == known.last_event:
                 return f"event {known.first_event} retracted"
             return f"events {known.first_event}..{known.last_event} retracted"
-        case DoorAnnotated():
+        case events.DoorAnnotated():
             return f"{known.key} = {known.value}"
-        case LevelAdded():
+        case events.LevelAdded():
             return f"level {known.level} is called {known.name}"
-        case FloorMap():
+        case events.FloorMap():
             rows, columns = known.cells.shape
             return f"floor plan of level {known.level}: {columns} x {rows} cells"
-        case LogExported():
+        case events.LogExported():
             return f"exported as {known.format}: {known.file_name}"
-        case HistoryTrimmed():
+        case events.HistoryTrimmed():
             return f"history trimmed ({known.reasons}): {known.rule}"
-        case MomentPinned():
+        case events.MomentPinned():
             return f"moment pinned: {known.name}, {format_utc(known.at_ns)}"
-        case SightingsThinned():
+        case events.SightingsThinned():
             return f"seen {of.word(known.state)} {counted(known.count, 'time')} more; thinned"
-        case ClassDefined():
+        case events.ClassDefined():
             blocks = f"; {known.blocks} blocks" if known.blocks else "; blocks nothing"
             return f"class {known.class_name}: a {known.geometry}, {known.states}{blocks}"
-        case UnknownEvent():
+        case events.UnknownEvent():
             return f"{type(known).__name__}: unknown here, of a newer version"
         case _:
             assert_never(known)
@@ -106,12 +84,12 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
-def reported_state(event: Event) -> DoorState | None:
+def reported_state(event: events.Event) -> DoorState | None:
     """Return the state that an event gives to its door; None: it leaves the state alone."""
     return event.values_set().get("state")
 
 
-def _update(event: DoorUpdated, of: ObjectClass) -> str:
+def _update(event: events.DoorUpdated, of: ObjectClass) -> str:
     said = []
     if event.changed & Changed.STATE:
         said.append(f"set to {of.word(event.state)}")
@@ -131,12 +109,12 @@ def _update(event: DoorUpdated, of: ObjectClass) -> str:
 _WORDED = Changed.POSE | Changed.WIDTH | Changed.STATE | Changed.PROB_OPEN | Changed.PROB_CLOSED
 
 
-def _probabilities(event: DoorAdded) -> str:
+def _probabilities(event: events.DoorAdded) -> str:
     said = "" if math.isnan(event.prob_open) else f", P(open) {event.prob_open:.2f}"
     return said + ("" if math.isnan(event.prob_closed) else f", P(closed) {event.prob_closed:.2f}")
 
 
-def _accuracy(event: DoorObserved, *, in_full: bool) -> str:
+def _accuracy(event: events.DoorObserved, *, in_full: bool) -> str:
     """Return how often the sensor reads such a state correctly, if it has errors."""
     match event.state:
         case DoorState.OPEN:
@@ -150,7 +128,7 @@ def _accuracy(event: DoorObserved, *, in_full: bool) -> str:
     return f" ({'accuracy ' if in_full else ''}{percent(right)})"
 
 
-def _opening(event: DoorObserved) -> str:
+def _opening(event: events.DoorObserved) -> str:
     return "" if math.isnan(event.opening) else f", {event.opening:.0%} open"
 
 

@@ -25,16 +25,7 @@ from semmap_log.core.model.events import DoorUpdated, Event, FloorMap, RobotPose
 from semmap_log.core.model.meaning import PART_OF
 from semmap_log.core.model.moments import format_local, format_short
 from semmap_log.core.texts import command_line, counted
-from semmap_log.views.column_table import (
-    Cell,
-    CellValue,
-    ColumnTable,
-    TableColumn,
-    TextPicture,
-    add_pair,
-    pairs,
-    with_line_end,
-)
+from semmap_log.views import column_table
 from semmap_log.views.event_words import printable, words_of
 
 if TYPE_CHECKING:
@@ -79,7 +70,7 @@ def door_table(door_map: DoorMap, *, tz: str) -> RenderableType:
         tz: IANA zone of the times.
     """
     doors = list(door_map.doors.values())
-    table, known = ColumnTable(_door_columns(door_map)), levels_of(door_map)
+    table, known = column_table.ColumnTable(_door_columns(door_map)), levels_of(door_map)
     for door in doors:
         table.add(
             str(door.door_id),
@@ -96,7 +87,7 @@ def door_table(door_map: DoorMap, *, tz: str) -> RenderableType:
     return Group(table, caption)
 
 
-def _door_columns(door_map: DoorMap) -> list[TableColumn]:
+def _door_columns(door_map: DoorMap) -> list[column_table.TableColumn]:
     doors = door_map.doors.values()
     levels = any(level.name for level in door_map.levels.values())
     named, placed = any(door.name for door in doors), any(door.is_placed for door in doors)
@@ -105,19 +96,23 @@ def _door_columns(door_map: DoorMap) -> list[TableColumn]:
         for name in ("prob_open", "prob_closed")
     )
     return [
-        TableColumn("door_id", "id", right=True),
-        TableColumn("name", "name" if named else None, least=SHORTEST_NAME),
-        TableColumn("level", "level" if levels else None, least=3, yields=1),
-        TableColumn("x", "x" if placed else None, right=True, yields=4),
-        TableColumn("y", "y" if placed else None, right=True, yields=4),
-        TableColumn("theta", "theta" if placed else None, right=True, yields=5),
-        TableColumn("width", "width" if placed else None, right=True, yields=5),
-        *([TableColumn("class", "class", yields=1)] if door_map.classes else []),
-        TableColumn("state", "state"),
-        TableColumn("prob_open", "P of\nopen" if open_given else None, right=True, yields=2),
-        TableColumn("prob_closed", "P of\nclosed" if closed_given else None, right=True, yields=3),
-        TableColumn("age", "age", right=True),
-        TableColumn("last_seen"),
+        column_table.TableColumn("door_id", "id", right=True),
+        column_table.TableColumn("name", "name" if named else None, least=SHORTEST_NAME),
+        column_table.TableColumn("level", "level" if levels else None, least=3, yields=1),
+        column_table.TableColumn("x", "x" if placed else None, right=True, yields=4),
+        column_table.TableColumn("y", "y" if placed else None, right=True, yields=4),
+        column_table.TableColumn("theta", "theta" if placed else None, right=True, yields=5),
+        column_table.TableColumn("width", "width" if placed else None, right=True, yields=5),
+        *([column_table.TableColumn("class", "class", yields=1)] if door_map.classes else []),
+        column_table.TableColumn("state", "state"),
+        column_table.TableColumn(
+            "prob_open", "P of\nopen" if open_given else None, right=True, yields=2
+        ),
+        column_table.TableColumn(
+            "prob_closed", "P of\nclosed" if closed_given else None, right=True, yields=3
+        ),
+        column_table.TableColumn("age", "age", right=True),
+        column_table.TableColumn("last_seen"),
     ]
 
 
@@ -127,7 +122,7 @@ def history_table(
     tz: str,
     names: Names = MappingProxyType({}),
     objects: Objects = NO_OBJECTS,
-) -> ColumnTable:
+) -> column_table.ColumnTable:
     """Return events with who and why, one a row; for many, print `history_pages` one by one."""
     return _history_page(list(entries), tz=tz, names=names, objects=objects, before=None)
 
@@ -138,7 +133,7 @@ def history_pages(
     tz: str,
     names: Names = MappingProxyType({}),
     objects: Objects = NO_OBJECTS,
-) -> Iterator[ColumnTable]:
+) -> Iterator[column_table.ColumnTable]:
     """Yield the table of `history_table` in pieces whose columns line up; the first has the head.
 
     Args:
@@ -174,13 +169,13 @@ def diff_table(found: Diff, *, tz: str) -> RenderableType:
         found: The difference.
         tz: IANA zone of the times.
     """
-    table = ColumnTable([
-        TableColumn("door_id"),
-        TableColumn("name"),
-        TableColumn("", "door", least=SHORTEST_NAME),
-        TableColumn("what", "what"),
-        TableColumn("before", "before", least=SHORTEST_NAME),
-        TableColumn("after", "after", least=SHORTEST_NAME),
+    table = column_table.ColumnTable([
+        column_table.TableColumn("door_id"),
+        column_table.TableColumn("name"),
+        column_table.TableColumn("", "door", least=SHORTEST_NAME),
+        column_table.TableColumn("what", "what"),
+        column_table.TableColumn("before", "before", least=SHORTEST_NAME),
+        column_table.TableColumn("after", "after", least=SHORTEST_NAME),
     ])  # fmt: skip
     for door in found.added:
         table.add(*_who(door), "added", ABSENT, _door_in_short(door))
@@ -209,10 +204,10 @@ def _last_events(
     if len(told) > MOST_EVENTS_OF_A_DIFF:
         earlier = counted(len(told) - MOST_EVENTS_OF_A_DIFF, "event")
         parts.append(Text(f"… and {earlier} before these", style="dim"))
-    return [TextPicture(lambda _: Group(*parts), history_table(told, **of_log))]
+    return [column_table.TextPicture(lambda _: Group(*parts), history_table(told, **of_log))]
 
 
-def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> ColumnTable:
+def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> column_table.ColumnTable:
     """Return all about one event, a field a row; of an update only what it sets.
 
     Args:
@@ -220,24 +215,26 @@ def entry_table(entry: HistoryEntry, *, tz: str, name: str = "") -> ColumnTable:
         tz: IANA zone of the times.
         name: The door's name.
     """
-    table = pairs([
+    table = column_table.pairs([
         ("event", f"{entry.number}{taken_back(entry)}"),
         ("kind", entry.kind),
     ])  # fmt: skip
     if entry.door_id is not None:
-        add_pair(table, "door", _text(f"{entry.door_id} ({name})" if name else str(entry.door_id)))
+        column_table.add_pair(
+            table, "door", _text(f"{entry.door_id} ({name})" if name else str(entry.door_id))
+        )
     for field in _given_fields(entry.event):
-        add_pair(table, field, _value(getattr(entry.event, field)))
+        column_table.add_pair(table, field, _value(getattr(entry.event, field)))
     for change in entry.changes:
         if not _is_absent(change.before):
             said = f"{change.field}: {_short(change.before)} -> {_short(change.after)}"
-            add_pair(table, "changed", _text(said))
-    add_pair(table, "happened", format_local(entry.happened_ns, tz))
-    add_pair(table, "recorded", format_local(entry.recorded_ns, tz))
+            column_table.add_pair(table, "changed", _text(said))
+    column_table.add_pair(table, "happened", format_local(entry.happened_ns, tz))
+    column_table.add_pair(table, "recorded", format_local(entry.recorded_ns, tz))
     for part in ("actor", "source", "reason", "correlation"):
         if said := getattr(entry, part):
-            add_pair(table, part, _text(said))
-    add_pair(table, "command id", entry.command_id.hex())
+            column_table.add_pair(table, part, _text(said))
+    column_table.add_pair(table, "command id", entry.command_id.hex())
     return table
 
 
@@ -252,37 +249,46 @@ def _given_fields(event: Event) -> Iterator[str]:
 def summary_table(summary: LogSummary) -> RenderableType:
     """Return the contents of a log, a fact a row; then what looks wrong."""
     info, tz = summary.info, summary.info.timezone
-    table = pairs()
+    table = column_table.pairs()
     for name, text in (("building", info.building), ("robot", info.robot)):
         if text:
-            add_pair(table, name, _text(text))
-    add_pair(table, "log id", info.log_id)
-    add_pair(table, "time zone", tz)
-    add_pair(table, "sightings", f"hold {hold_setting(info.holds)}")
+            column_table.add_pair(table, name, _text(text))
+    column_table.add_pair(table, "log id", info.log_id)
+    column_table.add_pair(table, "time zone", tz)
+    column_table.add_pair(table, "sightings", f"hold {hold_setting(info.holds)}")
     for name, count in _counted_by_class(summary.door_map):
-        add_pair(table, name, str(count))
+        column_table.add_pair(table, name, str(count))
     events = f"{summary.events:,} in {counted(summary.commits, 'commit')}"
-    add_pair(table, "events", CellValue(events, str(summary.events)))
+    column_table.add_pair(table, "events", column_table.CellValue(events, str(summary.events)))
     for kind, count in summary.counts.items():
-        add_pair(
-            table, "", CellValue(f"{count:>9,} {kind}", str(count)), machine_name=f"events: {kind}"
+        column_table.add_pair(
+            table,
+            "",
+            column_table.CellValue(f"{count:>9,} {kind}", str(count)),
+            machine_name=f"events: {kind}",
         )
     for name, span in (("happened", summary.happened_ns), ("recorded", summary.recorded_ns)):
         if span is not None:
-            add_pair(table, name, f"{format_local(span[0], tz)} to {format_local(span[1], tz)}")
+            column_table.add_pair(
+                table, name, f"{format_local(span[0], tz)} to {format_local(span[1], tz)}"
+            )
     if summary.durability:
         levels = (f"{level} {count:,}" for level, count in summary.durability.items())
-        add_pair(table, "durability", ", ".join(levels))
+        column_table.add_pair(table, "durability", ", ".join(levels))
     size = f"{_size(summary.bytes)} in {counted(len(summary.segments), 'file')}"
-    add_pair(table, "size", CellValue(size, str(summary.bytes)), machine_name="bytes")
+    column_table.add_pair(
+        table, "size", column_table.CellValue(size, str(summary.bytes)), machine_name="bytes"
+    )
     if summary.index is not None:
-        add_pair(table, "index", _index_words(summary.index, summary.segments[0].path.parent))
+        column_table.add_pair(
+            table, "index", _index_words(summary.index, summary.segments[0].path.parent)
+        )
     for name, text in _personal_words(summary.personal):
-        add_pair(table, name, _text(text))
-    add_pair(table, "head", summary.head.hex())
+        column_table.add_pair(table, name, _text(text))
+    column_table.add_pair(table, "head", summary.head.hex())
     wrong = [*summary.warnings, *_suspects(summary)]
     for text in wrong:
-        add_pair(table, "warning", _text(text, style="yellow"))
+        column_table.add_pair(table, "warning", _text(text, style="yellow"))
     return Group(table, *[Text("nothing looks wrong", style="dim")] * (not wrong))
 
 
@@ -371,9 +377,9 @@ def _history_page(
     names: Names,
     objects: Objects,
     before: HistoryEntry | None,
-) -> ColumnTable:
+) -> column_table.ColumnTable:
     """Return one page; when drawn, a date appears once a day, who and why once a commit."""
-    table = ColumnTable(HISTORY_COLUMNS, has_head=before is None)
+    table = column_table.ColumnTable(HISTORY_COLUMNS, has_head=before is None)
     for entry in entries:
         day, clock = _day_and_clock(entry, tz)
         door_id = ABSENT if entry.door_id is None else str(entry.door_id)
@@ -382,7 +388,7 @@ def _history_page(
         is_same_commit = before and entry.command_id == before.command_id
         table.add(
             str(entry.number),
-            CellValue(
+            column_table.CellValue(
                 clock if is_same_day else f"{day}\n{clock}", format_local(entry.happened_ns, tz)
             ),
             format_local(entry.recorded_ns, tz),
@@ -399,24 +405,24 @@ def _history_page(
 
 
 HISTORY_COLUMNS = [
-    TableColumn("event", "event", right=True, width=6),
-    TableColumn("happened", "happened", width=DATE_WIDTH),
-    TableColumn("recorded"),
-    TableColumn("kind"),
-    TableColumn("door_id"),
-    TableColumn("door", "door", width=16),
-    TableColumn("what", "what", ratio=3, least=14),
-    TableColumn("", "who: why", ratio=2, least=14, yields=1),
-    TableColumn("actor"),
-    TableColumn("source"),
-    TableColumn("reason"),
+    column_table.TableColumn("event", "event", right=True, width=6),
+    column_table.TableColumn("happened", "happened", width=DATE_WIDTH),
+    column_table.TableColumn("recorded"),
+    column_table.TableColumn("kind"),
+    column_table.TableColumn("door_id"),
+    column_table.TableColumn("door", "door", width=16),
+    column_table.TableColumn("what", "what", ratio=3, least=14),
+    column_table.TableColumn("", "who: why", ratio=2, least=14, yields=1),
+    column_table.TableColumn("actor"),
+    column_table.TableColumn("source"),
+    column_table.TableColumn("reason"),
 ]
 
 
 def _day_and_clock(entry: HistoryEntry, tz: str) -> tuple[str, str]:
     """Return the date, and the time of day; an offset stands in a line of its own."""
     day, _, clock = format_short(entry.happened_ns, tz).partition(" ")
-    return day, with_line_end(clock, TIME_WIDTH)
+    return day, column_table.with_line_end(clock, TIME_WIDTH)
 
 
 def _text(text: str, *, style: str = "") -> Text:
@@ -480,7 +486,7 @@ def _number(value: float) -> str:
     return ABSENT if math.isnan(value) else f"{value:.3f}"
 
 
-def _value(value: object, of: ObjectClass = DOOR) -> Cell:
+def _value(value: object, of: ObjectClass = DOOR) -> column_table.Cell:
     if isinstance(value, DoorState):
         return coloured_state(value, of)
     if isinstance(value, float):
@@ -493,7 +499,7 @@ def _value(value: object, of: ObjectClass = DOOR) -> Cell:
     return _text(str(value))
 
 
-def _who(door: Door) -> tuple[Cell, Cell, Cell]:
+def _who(door: Door) -> tuple[column_table.Cell, column_table.Cell, column_table.Cell]:
     """Return the id and the name, and both as they are drawn."""
     number = str(door.door_id)
     drawn = number if door.name is None else f"{number} {door.name}"
@@ -517,7 +523,7 @@ def _objects(found: Diff) -> Objects:
     return {i: door.object_class for i, door in doors.items() if not door.object_class.is_door}
 
 
-def _before_and_after(change: FieldChange) -> Iterator[tuple[Cell, Cell]]:
+def _before_and_after(change: FieldChange) -> Iterator[tuple[column_table.Cell, column_table.Cell]]:
     """Yield a field's old and new value; of annotations, for each that changed."""
     if change.field != "annotations":
         of = change.door.object_class

@@ -26,27 +26,9 @@ from semmap_log.core.model.doors import DOOR, DoorId, DoorState, ObjectClass
 from semmap_log.core.model.moments import SECOND_NS, duration, format_local, format_short
 from semmap_log.core.texts import counted, percent
 from semmap_log.log.door_log.explanation import Explanation, StateReason
+from semmap_log.views import column_table, tables
 from semmap_log.views.belief_words import moment_text, why_unknown, with_interval
-from semmap_log.views.column_table import (
-    Cell,
-    CellValue,
-    ColumnTable,
-    PairTable,
-    TableColumn,
-    TextPicture,
-    add_pair,
-    pairs,
-    with_line_end,
-)
 from semmap_log.views.event_words import printable, words_of
-from semmap_log.views.tables import (
-    LATE_NS,
-    OTHER_STATE_COLOUR,
-    STATE_COLOURS,
-    coloured_state,
-    taken_back,
-    values_before,
-)
 
 
 def best_time_table(found: BestTime) -> RenderableType:
@@ -66,13 +48,13 @@ def best_time_table(found: BestTime) -> RenderableType:
 
 def _table(
     title: str, windows: Sequence[LikelyHours], when: Sequence[str], *, name: str
-) -> ColumnTable:
-    table = ColumnTable([
-        TableColumn(name, title, least=len("Mon 2026-03-02 08:00 to Tue 09:00")),
-        TableColumn("", "P (90 % interval)"),
-        TableColumn("p"),
-        TableColumn("low"),
-        TableColumn("high"),
+) -> column_table.ColumnTable:
+    table = column_table.ColumnTable([
+        column_table.TableColumn(name, title, least=len("Mon 2026-03-02 08:00 to Tue 09:00")),
+        column_table.TableColumn("", "P (90 % interval)"),
+        column_table.TableColumn("p"),
+        column_table.TableColumn("low"),
+        column_table.TableColumn("high"),
     ], gap=2)  # fmt: skip
     for window, said in zip(windows, when, strict=True):
         numbers = (window.probability, window.low, window.high)
@@ -154,7 +136,7 @@ class _Rows:
     """Names and values; times are short when drawn, and complete for programs."""
 
     def __init__(self, told: Explanation, tz: str) -> None:
-        self.table: PairTable = pairs()
+        self.table: column_table.PairTable = column_table.pairs()
         self._told = told
         self._tz = tz
         self._of = _class_explained(told)
@@ -165,7 +147,9 @@ class _Rows:
         drawn, full = value(self.drawn), value(lambda ns: format_local(ns, self._tz))
         machine_name = f"{under}: {name}" if under else name
         label = f"  {name}" if under and name else name
-        add_pair(self.table, label, CellValue(drawn, full.plain), machine_name=machine_name)
+        column_table.add_pair(
+            self.table, label, column_table.CellValue(drawn, full.plain), machine_name=machine_name
+        )
 
     def add_state(self, name: str, known: StateReason) -> None:
         """Add a state, the event that began it, and the last event that reported it."""
@@ -213,9 +197,11 @@ def _state(known: StateReason, told: Explanation, when: When) -> Text:
     """Return a state and since when, or that the door was not in the map."""
     if known.state is None:
         if known.since_ns is None:
-            return Text("not yet in the map", style=OTHER_STATE_COLOUR)
+            return Text("not yet in the map", style=tables.OTHER_STATE_COLOUR)
         gone = _length(told.time_ns - known.since_ns)
-        return Text(f"removed at {when(known.since_ns)}, {gone} before", style=OTHER_STATE_COLOUR)
+        return Text(
+            f"removed at {when(known.since_ns)}, {gone} before", style=tables.OTHER_STATE_COLOUR
+        )
     assert known.since_ns is not None, "a door that is there has a state since some time"
     lasted = _length(told.time_ns - known.since_ns)
     said = f" since {when(known.since_ns)}, for {lasted}"
@@ -224,20 +210,22 @@ def _state(known: StateReason, told: Explanation, when: When) -> Text:
 
 def _coloured(state: DoorState, of: ObjectClass, said: str = "") -> Text:
     """Return a state, or its description, in its colour; text that is appended has none."""
-    return Text.assemble((said or of.word(state), STATE_COLOURS.get(state, OTHER_STATE_COLOUR)))
+    return Text.assemble(
+        (said or of.word(state), tables.STATE_COLOURS.get(state, tables.OTHER_STATE_COLOUR))
+    )
 
 
 def _event(entry: HistoryEntry, of: ObjectClass) -> Text:
     """Return an event in a sentence: its number, what it says, who and why, what was before."""
-    said = [f"{words_of(entry.event, of, in_full=True)}{taken_back(entry)}{_who(entry)}"]
-    known = values_before(entry, of)
+    said = [f"{words_of(entry.event, of, in_full=True)}{tables.taken_back(entry)}{_who(entry)}"]
+    known = tables.values_before(entry, of)
     if len(known) == 1:
         said.append(f"before that {known[0][1]}")
     elif known:
         before = ", ".join(f"{field} {value}" for field, value in known)
         said.append(f"before that {before}")
     late_ns = entry.recorded_ns - entry.happened_ns
-    if late_ns > LATE_NS:
+    if late_ns > tables.LATE_NS:
         said.append(f"recorded {_length(late_ns)} later")
     elif late_ns < 0:
         said.append("its clock was ahead")
@@ -322,16 +310,16 @@ def _p_open(told: Explanation) -> Text:
     belief = told.belief
     if belief is None:
         gone = "had been removed" if told.believed.is_removed else "was not known then"
-        return Text(f"UNKNOWN: the door {gone}", style=OTHER_STATE_COLOUR)
+        return Text(f"UNKNOWN: the door {gone}", style=tables.OTHER_STATE_COLOUR)
     if not belief.is_known:
         why = f": {why_unknown(belief.evidence)}" if isinstance(belief, DoorBelief) else ""
-        return Text(f"UNKNOWN{why}", style=OTHER_STATE_COLOUR)
+        return Text(f"UNKNOWN{why}", style=tables.OTHER_STATE_COLOUR)
     likely = DoorState.OPEN if belief.p_open >= LIKELY else DoorState.CLOSED
     of = _class_explained(told)
     said = _coloured(likely, of, _number(belief.p_open))
     if _number(belief.low) != _number(belief.high):
         said.append(f", with 90 % certainty {belief.low:.2f} to {belief.high:.2f}")
-    is_against = told.believed.state in STATE_COLOURS and told.believed.state is not likely
+    is_against = told.believed.state in tables.STATE_COLOURS and told.believed.state is not likely
     return said.append("; against what was believed" if is_against else "")
 
 
@@ -401,14 +389,19 @@ def evaluation_table(
     return Group(*parts)
 
 
-def _means(evaluation: Evaluation) -> ColumnTable:
+def _means(evaluation: Evaluation) -> column_table.ColumnTable:
     mean = evaluation.mean
     best = {figure: _best(mean, figure) for figure in FIGURES}
     heads = zip(FIGURES, HEADS, range(len(FIGURES)), strict=True)
-    table = ColumnTable([
-        TableColumn("estimator", "estimator", least=NAME_WIDTH),
-        *(TableColumn(name, head, right=True, yields=place) for name, head, place in heads),
-    ])  # fmt: skip
+    table = column_table.ColumnTable(
+        [
+            column_table.TableColumn("estimator", "estimator", least=NAME_WIDTH),
+            *(
+                column_table.TableColumn(name, head, right=True, yields=place)
+                for name, head, place in heads
+            ),
+        ]
+    )
     for name, scores in mean.items():
         cells = [_cell(scores, figure, is_best=best[figure] == name) for figure in FIGURES]
         table.add(printable(name), *cells)
@@ -420,17 +413,19 @@ def _doors(evaluation: Evaluation, names: Names) -> RenderableType:
     mean = evaluation.mean
     ranked = sorted(mean, key=lambda name: mean[name].brier or 0.0)[:MOST_ESTIMATORS]
     drawn = _brier_scores(evaluation, names, [name for name in mean if name in ranked], MOST_DOORS)
-    return TextPicture(lambda _: drawn, _brier_scores(evaluation, names, list(mean), None))
+    return column_table.TextPicture(
+        lambda _: drawn, _brier_scores(evaluation, names, list(mean), None)
+    )
 
 
 def _brier_scores(
     evaluation: Evaluation, names: Names, estimators: list[str], most: int | None
-) -> ColumnTable:
+) -> column_table.ColumnTable:
     mean = evaluation.mean
     worst_first = sorted(estimators, key=lambda name: -(mean[name].brier or 0.0))
-    table = ColumnTable([
-        TableColumn("door", "door (Brier)", least=NAME_WIDTH),
-        *(TableColumn(f"brier_{name}", printable(name), right=True, least=7,
+    table = column_table.ColumnTable([
+        column_table.TableColumn("door", "door (Brier)", least=NAME_WIDTH),
+        *(column_table.TableColumn(f"brier_{name}", printable(name), right=True, least=7,
                  yields=max(0, len(worst_first) - 1 - worst_first.index(name)))
           for name in estimators),
     ])  # fmt: skip
@@ -448,10 +443,10 @@ def _best(scores: Mapping[str, Scores], figure: str) -> str | None:
     return min(scores, key=lambda name: abs(getattr(scores[name], figure)))
 
 
-def _cell(scores: Scores, figure: str, *, is_best: bool) -> Cell:
+def _cell(scores: Scores, figure: str, *, is_best: bool) -> column_table.Cell:
     value = getattr(scores, figure)
     said = f"{value:+.4f}" if figure == "bias" else f"{value:.4f}"
-    return CellValue(
+    return column_table.CellValue(
         Text(f"{said}{BEST if is_best else ' '}", style="bold" if is_best else ""), said
     )
 
@@ -500,7 +495,9 @@ PAGE_ROWS = 500
 TIME_WIDTH = len("2026-03-02 08:00:00")
 
 
-def timeline_pages(timeline: Timeline, *, tz: str, of: ObjectClass = DOOR) -> Iterator[ColumnTable]:
+def timeline_pages(
+    timeline: Timeline, *, tz: str, of: ObjectClass = DOOR
+) -> Iterator[column_table.ColumnTable]:
     """Yield the intervals as tables whose columns line up; the first has the head.
 
     Args:
@@ -555,15 +552,17 @@ def hold_text(hold: Hold | None) -> str:
     return f"a sighting holds for {duration(hold.ns)} ({gaps}, as {looks})"
 
 
-def _page(intervals: list[Interval], of: ObjectClass, *, tz: str, show_header: bool) -> ColumnTable:
-    table = ColumnTable(COLUMNS, has_head=show_header)
+def _page(
+    intervals: list[Interval], of: ObjectClass, *, tz: str, show_header: bool
+) -> column_table.ColumnTable:
+    table = column_table.ColumnTable(COLUMNS, has_head=show_header)
     for interval in intervals:
         ends = interval.start_ns, interval.end_ns
         table.add(
-            *(CellValue(_drawn_time(ns, tz), format_local(ns, tz)) for ns in ends),
+            *(column_table.CellValue(_drawn_time(ns, tz), format_local(ns, tz)) for ns in ends),
             duration(interval.duration_ns),
             f"{interval.duration_ns / SECOND_NS:.3f}",
-            coloured_state(interval.state, of),
+            tables.coloured_state(interval.state, of),
             str(interval.sightings),
             str(interval.event),
             _not_seen(interval),
@@ -571,24 +570,26 @@ def _page(intervals: list[Interval], of: ObjectClass, *, tz: str, show_header: b
     return table
 
 
-def _not_seen(interval: Interval) -> CellValue:
+def _not_seen(interval: Interval) -> column_table.CellValue:
     """Return the share of an interval in which no sighting held; for programs, seconds."""
     share = f"{interval.not_seen_ns / interval.duration_ns:.0%}" if interval.not_seen_ns else ""
-    return CellValue(share, f"{interval.not_seen_ns / SECOND_NS:.3f}")
+    return column_table.CellValue(share, f"{interval.not_seen_ns / SECOND_NS:.3f}")
 
 
 def _drawn_time(ns: int, tz: str) -> str:
     """Return an instant; an offset stands in a line of its own."""
-    return with_line_end(format_short(ns, tz), TIME_WIDTH)
+    return column_table.with_line_end(format_short(ns, tz), TIME_WIDTH)
 
 
 COLUMNS = [
-    TableColumn("since", "since", width=TIME_WIDTH),
-    TableColumn("until", "until", width=TIME_WIDTH, yields=1),
-    TableColumn("", "lasted", width=len("23 h 59 min"), right=True),
-    TableColumn("seconds"),
-    TableColumn("state", "state", width=len(DoorState.UNKNOWN.name)),
-    TableColumn("seen", "seen", width=5, right=True, yields=2),
-    TableColumn("event", "event", width=len("9999999"), right=True, yields=3),
-    TableColumn("not_seen_seconds", "unseen", width=len("unseen"), right=True, yields=1),
+    column_table.TableColumn("since", "since", width=TIME_WIDTH),
+    column_table.TableColumn("until", "until", width=TIME_WIDTH, yields=1),
+    column_table.TableColumn("", "lasted", width=len("23 h 59 min"), right=True),
+    column_table.TableColumn("seconds"),
+    column_table.TableColumn("state", "state", width=len(DoorState.UNKNOWN.name)),
+    column_table.TableColumn("seen", "seen", width=5, right=True, yields=2),
+    column_table.TableColumn("event", "event", width=len("9999999"), right=True, yields=3),
+    column_table.TableColumn(
+        "not_seen_seconds", "unseen", width=len("unseen"), right=True, yields=1
+    ),
 ]

@@ -15,14 +15,7 @@ from rich.text import Text
 
 from semmap_log.analysis.beliefs.door_beliefs import TypicalWeek, WeekPattern
 from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, HOURS
-from semmap_log.views.belief_words import (
-    interval,
-    moment_text,
-    never_seen_lines,
-    short_number,
-    why_unknown,
-    with_interval,
-)
+from semmap_log.views import belief_words
 from semmap_log.views.column_table import ColumnTable, TableColumn, TextPicture
 from semmap_log.views.event_words import printable
 from semmap_log.views.palette import Rgb, ink_on, shade
@@ -92,7 +85,7 @@ def hour_table(weeks: Sequence[TypicalWeek], day: int, hour: int) -> RenderableT
         numbers = float(cell.p_open), float(cell.low), float(cell.high)
         if cell.is_known:
             exact = [f"{value:.4f}" for value in numbers]
-            table.add(*_names(week), with_interval(*numbers), *exact)
+            table.add(*_names(week), belief_words.with_interval(*numbers), *exact)
         elif week.is_known and not week.is_seen[day, hour]:
             never = Text("never seen then", style=OTHER_STATE_COLOUR)
             table.add(*_names(week), never, *[ABSENT] * 3)
@@ -119,7 +112,9 @@ def _days_across(weeks: Sequence[TypicalWeek]) -> ColumnTable:
     for week in weeks:
         days = week.by_weekday()
         cells = [
-            f"{short_number(p)}\n{interval(low, high)}" if known else NEVER_SEEN
+            f"{belief_words.short_number(p)}\n{belief_words.interval(low, high)}"
+            if known
+            else NEVER_SEEN
             for p, low, high, known in zip(
                 days.p_open, days.low, days.high, days.is_known, strict=True
             )
@@ -142,7 +137,7 @@ def _days_below(weeks: Sequence[TypicalWeek]) -> ColumnTable:
             continue
         for day, name in enumerate(DAY_NAMES):
             p, low, high = days.p_open[day], days.low[day], days.high[day]
-            said = with_interval(p, low, high) if days.is_known[day] else NEVER_SEEN
+            said = belief_words.with_interval(p, low, high) if days.is_known[day] else NEVER_SEEN
             table.add(*(names if day == 0 else ("", "")), name, said)
     return table
 
@@ -178,7 +173,7 @@ def _names(week: TypicalWeek) -> tuple[str, Text]:
 
 
 def _unknown(week: TypicalWeek) -> Text:
-    return Text(f"UNKNOWN, {why_unknown(week.evidence)}", style=OTHER_STATE_COLOUR)
+    return Text(f"UNKNOWN, {belief_words.why_unknown(week.evidence)}", style=OTHER_STATE_COLOUR)
 
 
 def _map(week: TypicalWeek, width: int) -> list[Text]:
@@ -217,7 +212,7 @@ def _digit(probability: float) -> int:
 
 def _notes(weeks: Sequence[TypicalWeek], legend: str = LEGEND) -> list[Text]:
     first = weeks[0]
-    known = moment_text(first.known_ns, first.tz)
+    known = belief_words.moment_text(first.known_ns, first.tz)
     notes = [legend, f"hours of {first.tz}, as known at {known}"]
-    notes += never_seen_lines(weeks)
+    notes += belief_words.never_seen_lines(weeks)
     return [Text(note, style="dim") for note in notes]

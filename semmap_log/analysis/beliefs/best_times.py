@@ -10,16 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.beliefs.door_beliefs import (
-    WEEK_HOURS,
-    BeliefQuery,
-    DoorBelief,
-    WeekPattern,
-    ask,
-    belief,
-    default_estimator,
-    typical_week,
-)
+from semmap_log.analysis.beliefs import door_beliefs
 from semmap_log.analysis.probabilities.estimator import StateModel
 from semmap_log.analysis.probabilities.evidence.coverage import HOURS, WeekMask
 from semmap_log.core.io.progress import Progress
@@ -59,7 +50,7 @@ class BestTime:
     """When a door is likeliest in a state."""
 
     state: State
-    now: DoorBelief
+    now: door_beliefs.DoorBelief
     """How likely it is open at the queried moment."""
     tz: str
     is_known: bool
@@ -113,21 +104,21 @@ def best_time(
         EstimatorError: There is no such estimator.
         MomentError: The time or the zone cannot be read.
     """
-    near = ask(
+    near = door_beliefs.ask(
         log,
         at=at,
         known_at=known_at,
         as_happened=as_happened,
-        estimator=estimator or default_estimator(),
+        estimator=estimator or door_beliefs.default_estimator(),
         tz=tz,
         doors=[door],
         progress=progress,
     )
     (asked_for,) = near.doors
-    week = typical_week(near, asked_for)
+    week = door_beliefs.typical_week(near, asked_for)
     coming = _Coming.of(near, asked_for, week.is_seen)
     most = most if week.is_known else 0
-    now = belief(near, asked_for)
+    now = door_beliefs.belief(near, asked_for)
     wait = _wait_s(near, now, state) if week.is_known else None
     return BestTime(
         state=state,
@@ -146,7 +137,7 @@ def best_time(
 
 
 def _wait_s(
-    asked: BeliefQuery, now: DoorBelief, state: State
+    asked: door_beliefs.BeliefQuery, now: door_beliefs.DoorBelief, state: State
 ) -> tuple[float, tuple[float, float]] | None:
     """Return the expected wait and its interval, if the estimator follows the door's state."""
     learnt = asked.beliefs.learnt(asked.known_ns)
@@ -167,23 +158,23 @@ class _Coming:
     """(168,), of the week."""
     edges_ns: NDArray[np.int64]
     """(169,): when they begin, and the end of the last."""
-    said: WeekPattern
+    said: door_beliefs.WeekPattern
     """(168,): what is expected of them; known are those that were ever seen."""
 
     @classmethod
-    def of(cls, asked: BeliefQuery, door: Door, is_seen: WeekMask) -> _Coming:
+    def of(cls, asked: door_beliefs.BeliefQuery, door: Door, is_seen: WeekMask) -> _Coming:
         first = int(asked.clock.wall_s(np.array([asked.known_ns]))[0] // HOUR_S)
-        counted = first + np.arange(WEEK_HOURS + 1)
+        counted = first + np.arange(door_beliefs.WEEK_HOURS + 1)
         edges_ns = asked.clock.instants_ns(counted.astype(np.float64) * HOUR_S)
         edges_ns[0] = asked.known_ns
         lengths_ns = np.diff(edges_ns)
-        hours = counted[:-1] % WEEK_HOURS
+        hours = counted[:-1] % door_beliefs.WEEK_HOURS
         forecast = asked.predict(door, edges_ns[:-1] + lengths_ns // 2)
         # In spring an hour is skipped: it takes no time.
-        said = WeekPattern.of(forecast, is_seen.ravel()[hours] & (lengths_ns > 0))
+        said = door_beliefs.WeekPattern.of(forecast, is_seen.ravel()[hours] & (lengths_ns > 0))
         return cls(hours, edges_ns, said)
 
-    def windows(self, said: WeekPattern, state: State, most: int) -> list[LikelyHours]:
+    def windows(self, said: door_beliefs.WeekPattern, state: State, most: int) -> list[LikelyHours]:
         """Return the runs of hours with the highest probability of the state, the best first."""
         p, low, high = said.p_open, said.low, said.high
         if state == "closed":

@@ -10,26 +10,11 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from semmap_log.analysis.costmap_2d.costs import (
-    FREE_SPACE,
-    INSCRIBED,
-    LETHAL,
-    NO_INFORMATION,
-    DoorLayer,
-    DoorLine,
-)
+from semmap_log.analysis.costmap_2d import costs
 from semmap_log.analysis.costmap_2d.grid import CellWindow, GridGeometry
 from semmap_log.core.batches.event_batch import EventBatch, distinct
 from semmap_log.core.folds.door_map import DoorMapState
-from semmap_log.core.model.doors import (
-    DOOR,
-    Door,
-    DoorId,
-    DoorMap,
-    DoorState,
-    Geometry,
-    ObjectClass,
-)
+from semmap_log.core.model import doors as door_model
 from semmap_log.core.model.events import ClassDefined
 
 By = Literal["state", "belief"]
@@ -37,8 +22,8 @@ By = Literal["state", "belief"]
 
 
 def door_lines(
-    doors: DoorMap, *, level: int = 0, by: By = "state", only: str | None = None
-) -> dict[DoorId, DoorLine]:
+    doors: door_model.DoorMap, *, level: int = 0, by: By = "state", only: str | None = None
+) -> dict[door_model.DoorId, costs.DoorLine]:
     """Return what the doors of a level draw, ids ascending; unplaced doors draw nothing.
 
     Args:
@@ -52,8 +37,8 @@ def door_lines(
 
 
 def line_of(
-    door: Door | None, *, level: int = 0, by: By = "state", only: str | None = None
-) -> DoorLine | None:
+    door: door_model.Door | None, *, level: int = 0, by: By = "state", only: str | None = None
+) -> costs.DoorLine | None:
     """Return what a door, or another object, draws on a level; None: nothing.
 
     A line stands in a wall: where it does not block, its cells are free. What is a point or an area
@@ -65,26 +50,26 @@ def line_of(
         return None
     geometry = door.object_class.geometry
     cost = cost_of_state(door.state, door.object_class) if by == "state" else cost_of_belief(door)
-    if geometry is Geometry.SEGMENT:
-        return DoorLine(door.x, door.y, door.theta, door.width, cost)
+    if geometry is door_model.Geometry.SEGMENT:
+        return costs.DoorLine(door.x, door.y, door.theta, door.width, cost)
     outline = door.outline
-    is_seen = cost not in (FREE_SPACE, NO_INFORMATION)
-    if not is_seen or (geometry is Geometry.POLYGON and not outline):
+    is_seen = cost not in (costs.FREE_SPACE, costs.NO_INFORMATION)
+    if not is_seen or (geometry is door_model.Geometry.POLYGON and not outline):
         return None
-    return DoorLine(door.x, door.y, door.theta, 0.0, cost, outline, is_on_floor=True)
+    return costs.DoorLine(door.x, door.y, door.theta, 0.0, cost, outline, is_on_floor=True)
 
 
-def cost_of_state(state: DoorState, of: ObjectClass = DOOR) -> int:
+def cost_of_state(state: door_model.DoorState, of: door_model.ObjectClass = door_model.DOOR) -> int:
     """Return LETHAL for a state that blocks (a closed door), else FREE_SPACE if it is known.
 
     What is neither open nor closed, and does not block, is NO_INFORMATION.
     """
     if state in of.blocks:
-        return LETHAL
-    return FREE_SPACE if state.is_known else NO_INFORMATION
+        return costs.LETHAL
+    return costs.FREE_SPACE if state.is_known else costs.NO_INFORMATION
 
 
-def cost_of_belief(door: Door) -> int:
+def cost_of_belief(door: door_model.Door) -> int:
     """Return a cost for how likely the door is to block, if that is known; else for its state.
 
     P(open) runs from FREE_SPACE at 1 to the greatest cost that a path may still cross at 0: a door
@@ -96,15 +81,15 @@ def cost_of_belief(door: Door) -> int:
     if math.isnan(p_open):
         return cost_of_state(door.state, door.object_class)
     blocks = door.object_class.blocks
-    likely = {DoorState.OPEN: p_open, DoorState.CLOSED: 1 - p_open}
-    return round((INSCRIBED - 1) * sum(p for state, p in likely.items() if state in blocks))
+    likely = {door_model.DoorState.OPEN: p_open, door_model.DoorState.CLOSED: 1 - p_open}
+    return round((costs.INSCRIBED - 1) * sum(p for state, p in likely.items() if state in blocks))
 
 
 @dataclass(slots=True)
 class DoorLayerState:
     """A door map and its layer."""
 
-    layer: DoorLayer
+    layer: costs.DoorLayer
     map: DoorMapState = field(default_factory=DoorMapState)
     changed: list[CellWindow] = field(default_factory=list)
     """Where cells of the layer may have changed with the last events."""
@@ -126,15 +111,15 @@ class DoorLayerProjection:
 
     def initial(self) -> DoorLayerState:
         """Return a layer without doors."""
-        return DoorLayerState(DoorLayer(self.geometry))
+        return DoorLayerState(costs.DoorLayer(self.geometry))
 
     def of(self, map_state: DoorMapState) -> DoorLayerState:
         """Return the state that a door map makes; the map is gone on with, not copied."""
-        state = DoorLayerState(DoorLayer(self.geometry), map_state)
+        state = DoorLayerState(costs.DoorLayer(self.geometry), map_state)
         state.layer.draw(self._lines(map_state))
         return state
 
-    def _lines(self, state: DoorMapState) -> dict[DoorId, DoorLine]:
+    def _lines(self, state: DoorMapState) -> dict[door_model.DoorId, costs.DoorLine]:
         return door_lines(state.door_map(), level=self.level, by=self.by, only=self.only)
 
     def apply(self, state: DoorLayerState, batch: EventBatch, /) -> DoorLayerState:
@@ -147,7 +132,7 @@ class DoorLayerProjection:
             state.changed = state.layer.draw(self._lines(state.map))
             return state
         doors = distinct(batch.door_ids()[batch.about_doors()])
-        about = [DoorId(door) for door in doors.tolist()]
+        about = [door_model.DoorId(door) for door in doors.tolist()]
         how: dict[str, Any] = {"level": self.level, "by": self.by, "only": self.only}
         state.changed = state.layer.update(
             {door: line_of(state.map.door(door), **how) for door in about}

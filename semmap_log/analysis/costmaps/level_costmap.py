@@ -13,28 +13,15 @@ from typing import TypeAlias
 
 import numpy as np
 
+from semmap_log.analysis.costmap_2d import layered
 from semmap_log.analysis.costmap_2d.costs import DoorLayer, DoorLine, static_costs
 from semmap_log.analysis.costmap_2d.grid import CellWindow, GridGeometry
-from semmap_log.analysis.costmap_2d.layered import (
-    CostmapLayer,
-    InflationLayer,
-    LayeredCostmap,
-    StaticLayer,
-)
 from semmap_log.analysis.costmaps.door_layer_fold import By, DoorLayerProjection, door_lines
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.levels import check_class, level_shown, resolve_level
+from semmap_log.core.model import events
 from semmap_log.core.model.doors import OUTLINE, DoorId, DoorMap, parse_outline
-from semmap_log.core.model.events import (
-    POSE_KINDS,
-    SETTING_KINDS,
-    ClassDefined,
-    DoorAnnotated,
-    Event,
-    FloorMap,
-    Retracted,
-)
 from semmap_log.errors import CostmapError
 from semmap_log.log.door_log.clock_warnings import warn_of_clock
 from semmap_log.log.door_log.door_log import DoorLog, Time
@@ -78,7 +65,7 @@ class Costmap:
         self,
         state: DoorMapState,
         geometry: GridGeometry,
-        floor: FloorMap | None,
+        floor: events.FloorMap | None,
         level: int,
         options: CostmapOptions,
     ) -> None:
@@ -90,7 +77,7 @@ class Costmap:
         self._projection = DoorLayerProjection(geometry, level, options.by, options.object_class)
         self._state = self._projection.of(state)
         layers = layers_of(geometry, floor, self.layer, options)
-        self.master = LayeredCostmap(geometry, layers, track_unknown=floor is None)
+        self.master = layered.LayeredCostmap(geometry, layers, track_unknown=floor is None)
         self.master.update()
 
     @property
@@ -123,21 +110,21 @@ class Costmap:
 
 
 def layers_of(
-    geometry: GridGeometry, floor: FloorMap | None, doors: DoorLayer, options: CostmapOptions
-) -> list[CostmapLayer]:
+    geometry: GridGeometry, floor: events.FloorMap | None, doors: DoorLayer, options: CostmapOptions
+) -> list[layered.CostmapLayer]:
     """Return the layers of a costmap, lowest first: floor, doors, and costs around them.
 
     Raises:
         CostmapError: A radius cannot be drawn on that grid.
     """
-    layers = list[CostmapLayer]()
+    layers = list[layered.CostmapLayer]()
     if floor is not None:
-        layers.append(StaticLayer(geometry, static_costs(floor.cells)))
+        layers.append(layered.StaticLayer(geometry, static_costs(floor.cells)))
     layers.append(doors)
     for radius, around in ((options.inflate_m, None), (options.door_inflate_m, doors)):
         if radius:
             layers.append(
-                InflationLayer(
+                layered.InflationLayer(
                     geometry,
                     radius,
                     scaling=options.scaling,
@@ -155,7 +142,7 @@ def costmap_at(
     at: Time = None,
     known_at: Time = None,
     event: int | None = None,
-    floor: FloorMap | None = None,
+    floor: events.FloorMap | None = None,
 ) -> Costmap:
     """Return the costmap of a level at a moment; without arguments: now.
 
@@ -193,7 +180,7 @@ def level_drawn(options: CostmapOptions, doors: DoorMap) -> int:
 
 
 def geometry_of(
-    floor: FloorMap | None, points: Sequence[Point], level: int, options: CostmapOptions
+    floor: events.FloorMap | None, points: Sequence[Point], level: int, options: CostmapOptions
 ) -> GridGeometry:
     """Return the floor's grid, or one around these points.
 
@@ -255,7 +242,7 @@ def costmap_frames(
     *,
     since: Time = None,
     until: Time = None,
-    floor: FloorMap | None = None,
+    floor: events.FloorMap | None = None,
 ) -> Iterator[CostmapFrame]:
     """Yield the costmap at `since`, then at each later moment at which something changed.
 
@@ -281,7 +268,7 @@ def costmap_frames(
     end_ns = log.end_ns() if end_ns is None else end_ns
     at_end = log.replay(at=end_ns)
     level = level_drawn(options, at_end)
-    kinds = DRAWN_KINDS if at_end.classes else SETTING_KINDS
+    kinds = DRAWN_KINDS if at_end.classes else events.SETTING_KINDS
     floors = [(first_ns, floor)] if floor is not None else _floors(log, level, first_ns, end_ns)
     ends = [since_ns for since_ns, _ in floors[1:]] + [end_ns + 1]
     for (since_ns, drawn), until_ns in zip(floors, ends, strict=True):
@@ -290,19 +277,19 @@ def costmap_frames(
 
 def _floors(
     log: DoorLog, level: int, first_ns: int, end_ns: int
-) -> list[tuple[int, FloorMap | None]]:
+) -> list[tuple[int, events.FloorMap | None]]:
     """Return the floor maps of a level in a span of time, each with from when on it is drawn."""
     stamps = [
         (min(each.happened_ns, each.recorded_ns), each.number)
-        for batch in log.batches(kinds=[FloorMap])
+        for batch in log.batches(kinds=[events.FloorMap])
         for each in batch
-        if isinstance(each.event, FloorMap) and each.event.level == level
+        if isinstance(each.event, events.FloorMap) and each.event.level == level
     ]
     numbers = {max(at_ns, first_ns): n for at_ns, n in sorted(stamps) if at_ns <= end_ns}
-    floors: list[tuple[int, FloorMap | None]] = []
+    floors: list[tuple[int, events.FloorMap | None]] = []
     for at_ns, number in numbers.items():
         floor = log.event(number).event
-        assert isinstance(floor, FloorMap)
+        assert isinstance(floor, events.FloorMap)
         if not floors or not are_same([replace(floor, happened_ns=None)], [floors[-1][1] or floor]):
             floors.append((at_ns if floors else first_ns, floor))
     return floors or [(first_ns, None)]
@@ -310,12 +297,12 @@ def _floors(
 
 def _frames_on(
     log: DoorLog,
-    floor: FloorMap | None,
+    floor: events.FloorMap | None,
     level: int,
     options: CostmapOptions,
     span: tuple[int, int],
     *,
-    kinds: Sequence[type[Event]],
+    kinds: Sequence[type[events.Event]],
 ) -> Iterator[CostmapFrame]:
     """Yield the costmap on one floor map: at the first moment, and each change up to the last."""
     first_ns, last_ns = span
@@ -334,7 +321,7 @@ def costmap_live(
     log: DoorLog,
     options: CostmapOptions = CostmapOptions(),
     *,
-    floor: FloorMap | None = None,
+    floor: events.FloorMap | None = None,
     poll_s: float = 0.1,
     stop: Callable[[], bool] | None = None,
 ) -> Iterator[CostmapFrame]:
@@ -364,7 +351,7 @@ def costmap_live(
         if anew is not None:
             costmap = anew
             windows: Sequence[CellWindow] = [costmap.geometry.whole]
-        elif Retracted in batch:
+        elif events.Retracted in batch:
             windows = costmap.show(log.reopened_log().state_in(Scope(event=commit.last_event)))
         else:
             windows = costmap.advance([batch])
@@ -376,7 +363,7 @@ def _on_another_map(
     log: DoorLog, costmap: Costmap, options: CostmapOptions, followed: FollowedCommit
 ) -> Costmap | None:
     """Return the costmap on the floor map that a commit gives its level; None: none is new."""
-    if not any(kind in followed.batch for kind in (FloorMap, Retracted)):
+    if not any(kind in followed.batch for kind in (events.FloorMap, events.Retracted)):
         return None
     last = followed.commit.last_event
     there = costmap_at(log.reopened_log(), options, event=last)
@@ -397,7 +384,7 @@ def _in_order(batches: list[EventBatch]) -> Iterator[tuple[int, list[EventBatch]
 
 def _first_ns(log: DoorLog) -> int:
     """Return a moment just before the first event that draws something; of none, the log's end."""
-    firsts = (int(batch.folds_ns.min()) for batch in log.batches(kinds=SETTING_KINDS))
+    firsts = (int(batch.folds_ns.min()) for batch in log.batches(kinds=events.SETTING_KINDS))
     return min(firsts, default=log.end_ns() + 1) - 1
 
 
@@ -407,16 +394,16 @@ def _places(batches: Sequence[EventBatch], level: int, before: DoorMap) -> Itera
     A door's width at the time, or the corners of its outline, may be in other events: the widest
     of all is taken.
     """
-    kinds = [(batch, kind) for batch in batches for kind in POSE_KINDS]
+    kinds = [(batch, kind) for batch in batches for kind in events.POSE_KINDS]
     told = [batch[kind] for batch, kind in kinds if kind in batch]
     reaches = [math.dist(door.start, end) for door in before.doors.values() for end in door.extent]
     for rows in told:
         reaches += rows["width"].tolist()
     for batch in batches:
-        for event in batch.objects.get(DoorAnnotated.kind, ()):
+        for event in batch.objects.get(events.DoorAnnotated.kind, ()):
             reaches += _reaches(event)
     widest = max((reach for reach in reaches if not math.isnan(reach)), default=0.0)
-    is_outlined = any(DoorAnnotated in batch for batch in batches)
+    is_outlined = any(events.DoorAnnotated in batch for batch in batches)
     for door in before.doors.values() if is_outlined else ():
         if door.is_placed and door.level == level:
             yield door.x - widest, door.y - widest
@@ -428,12 +415,12 @@ def _places(batches: Sequence[EventBatch], level: int, before: DoorMap) -> Itera
             yield x + widest, y + widest
 
 
-def _reaches(event: Event) -> Iterator[float]:
+def _reaches(event: events.Event) -> Iterator[float]:
     """Yield how far the corners of an outline are from where their object is, metres."""
-    if isinstance(event, DoorAnnotated) and event.key == OUTLINE:
+    if isinstance(event, events.DoorAnnotated) and event.key == OUTLINE:
         with suppress(ValueError):
             yield from (math.hypot(x, y) for x, y in parse_outline(event.value))
 
 
-DRAWN_KINDS = (*SETTING_KINDS, DoorAnnotated, ClassDefined)
+DRAWN_KINDS = (*events.SETTING_KINDS, events.DoorAnnotated, events.ClassDefined)
 """Kinds of events that may change what is drawn: the annotations of an object say what it is."""

@@ -25,15 +25,8 @@ from semmap_log.analysis.planning.patrol_round import PatrolRound, PlannedTry
 from semmap_log.analysis.planning.round_planner import BegunRound
 from semmap_log.analysis.rooms.door_ways import Place
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent, Retractions
+from semmap_log.core.model import events as ev
 from semmap_log.core.model.doors import DoorId, DoorState
-from semmap_log.core.model.events import (
-    DoorEvent,
-    DoorPassed,
-    DoorRemoved,
-    PatrolFinished,
-    Retracted,
-    RobotPose,
-)
 from semmap_log.core.model.meaning import Changed
 from semmap_log.core.model.moments import SECOND_NS, Moment
 from semmap_log.log.door_log.door_log import DoorLog
@@ -112,7 +105,7 @@ class FollowedRound:
             LogError: Some are retracted, and the remaining ones cannot be read.
         """
         known = self._taken
-        if Retracted in batch:
+        if ev.Retracted in batch:
             known = self._without_retracted(batch)
             self._begun.news.relearn(self._log(), int(batch.number[-1]))
         else:
@@ -134,9 +127,9 @@ class FollowedRound:
         if _when(one)[0] <= self._start_ns:
             return False
         event = one.event
-        if isinstance(event, DoorEvent):
+        if isinstance(event, ev.DoorEvent):
             return event.door_id in self._doors
-        return isinstance(event, (RobotPose, PatrolFinished))
+        return isinstance(event, (ev.RobotPose, ev.PatrolFinished))
 
     def _restart(self) -> None:
         self._order: PatrolRound = self._begun.order.copied()
@@ -185,16 +178,16 @@ class FollowedRound:
         at_ns, event = _when(one)[0], one.event
         now_s = (at_ns - self._start_ns) / SECOND_NS
         budget_s = self._begun.plan.options.budget_s
-        if isinstance(event, PatrolFinished) or (budget_s is not None and now_s > budget_s):
+        if isinstance(event, ev.PatrolFinished) or (budget_s is not None and now_s > budget_s):
             self._is_finished = True
-            return "the round was finished" if isinstance(event, PatrolFinished) else "budget"
+            return "the round was finished" if isinstance(event, ev.PatrolFinished) else "budget"
         self._not_before(now_s)
-        if isinstance(event, RobotPose):
+        if isinstance(event, ev.RobotPose):
             return self._stands(Place(event.level, event.x, event.y), now_s)
-        assert isinstance(event, DoorEvent)
-        if isinstance(event, DoorPassed):
+        assert isinstance(event, ev.DoorEvent)
+        if isinstance(event, ev.DoorPassed):
             return self._tried(event, at_ns, now_s)
-        if isinstance(event, DoorRemoved):
+        if isinstance(event, ev.DoorRemoved):
             for place in self._doors[event.door_id]:
                 self._order.rule_out(place)
             return f"{self._label(event.door_id)} was removed"
@@ -218,7 +211,7 @@ class FollowedRound:
         self._visit(self._chosen(by), now_s)
         return f"the robot is in {inside[0].name}"
 
-    def _tried(self, event: DoorPassed, at_ns: int, now_s: float) -> str:
+    def _tried(self, event: ev.DoorPassed, at_ns: int, now_s: float) -> str:
         label = self._label(event.door_id)
         places = [p for p in self._doors[event.door_id] if self._target(p) not in self._visited]
         if not places:  # it comes out of the room again

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.beliefs.door_beliefs import BeliefQuery
+from semmap_log.analysis.planning import patrol_round
 from semmap_log.analysis.planning.door_chances import (
     LONGEST_S,
     UNKNOWN_P,
@@ -41,12 +42,6 @@ from semmap_log.analysis.planning.patrol_plan import (
     all_wanted,
     check_options,
     wanted_by_name,
-)
-from semmap_log.analysis.planning.patrol_round import (
-    EXPECTED_P,
-    PatrolRound,
-    PatrolTarget,
-    PlannedTry,
 )
 from semmap_log.analysis.planning.round_task import RoundTask
 from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs
@@ -195,7 +190,7 @@ class BegunRound:
     """A plan, and all that is needed to continue it while the robot is under way."""
 
     plan: PatrolPlan
-    order: PatrolRound
+    order: patrol_round.PatrolRound
     """Its doors are places among `doors`."""
     doors: tuple[RoundDoor, ...]
     chances: DoorChances
@@ -252,9 +247,12 @@ class RoundPlanner:
         by_target: dict[int, list[int]] = {}
         for place, entry in enumerate(reached):
             by_target.setdefault(targets.index(entry.target), []).append(place)
-        round_ = PatrolRound(
+        round_ = patrol_round.PatrolRound(
             self._task([entry.row for entry in reached], from_start_s, leg_s),
-            [PatrolTarget(str(number), tuple(doors)) for number, doors in by_target.items()],
+            [
+                patrol_round.PatrolTarget(str(number), tuple(doors))
+                for number, doors in by_target.items()
+            ],
             skipped=np.array([self._is_skipped[entry.row] for entry in reached]),
         )
         for shut in round_.left_out:
@@ -273,7 +271,7 @@ class RoundPlanner:
         return BegunRound(plan, round_, tuple(reached), self._chosen, news, self)
 
     def stop(
-        self, planned: PlannedTry, entries: Sequence[RoundDoor], chances: DoorChances
+        self, planned: patrol_round.PlannedTry, entries: Sequence[RoundDoor], chances: DoorChances
     ) -> PlannedStop:
         """Return a try as a stop, by what is known of the doors."""
         entry = entries[planned.door]
@@ -468,7 +466,9 @@ CHANGES_BY = 0.15
 HOUR_S = 3600.0
 
 
-def why_tried(chances: DoorChances, row: int, planned: PlannedTry, skip: SkipRule) -> str:
+def why_tried(
+    chances: DoorChances, row: int, planned: patrol_round.PlannedTry, skip: SkipRule
+) -> str:
     """Return why a door is tried then."""
     if skip.seem_shut(chances)[row]:
         return f"seems shut, {unseen_text(float(chances.unseen_s[row]))}: looked at again"
@@ -478,7 +478,11 @@ def why_tried(chances: DoorChances, row: int, planned: PlannedTry, skip: SkipRul
     if abs(planned.p_passes - now) >= CHANGES_BY:
         turns = "opens" if planned.p_passes > now else "closes"
         return f"{turns} about then: {now:.2f} at the start"
-    return "likely open" if planned.p_passes >= EXPECTED_P else "more likely shut: worth a try"
+    return (
+        "likely open"
+        if planned.p_passes >= patrol_round.EXPECTED_P
+        else "more likely shut: worth a try"
+    )
 
 
 def shut_text(chances: DoorChances, rows: Sequence[int]) -> str:

@@ -26,17 +26,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
+from semmap_log.analysis.rooms import room_graph
 from semmap_log.analysis.rooms.regions import Regions, regions_of
-from semmap_log.analysis.rooms.room_graph import (
-    LIFT,
-    OUTSIDE,
-    Doorway,
-    Lift,
-    Room,
-    RoomGraph,
-    RoomId,
-    room_names,
-)
 from semmap_log.core.folds.levels import only_doors
 from semmap_log.core.model.doors import Door, DoorMap
 from semmap_log.core.model.events import FloorMap
@@ -56,7 +47,7 @@ class RoomPlan:
         later: Of levels without a floor plan that got one later: from when on it counts, in words.
     """
 
-    graph: RoomGraph
+    graph: room_graph.RoomGraph
     levels: Mapping[int, LevelRooms]
     floors: Mapping[int, FloorMap]
     door_map: DoorMap
@@ -77,17 +68,17 @@ class RoomPlan:
             "LOG MAP.YAML --since TIME)"
         )
 
-    def room_at(self, level: int, x: float, y: float) -> RoomId | None:
+    def room_at(self, level: int, x: float, y: float) -> room_graph.RoomId | None:
         """Return the room that a point lies in; None: a wall, a door, or a level without a plan."""
         if level not in self.levels:
             return None
         found = int(self.levels[level].rooms_at(x, y))
-        return found if found >= OUTSIDE else None
+        return found if found >= room_graph.OUTSIDE else None
 
 
 def rooms_of(
     log: DoorLog, *, at: Time = None, known_at: Time = None, event: int | None = None
-) -> RoomGraph:
+) -> room_graph.RoomGraph:
     """Return the rooms of all levels at a moment, and what joins them; without arguments: now.
 
     Rooms are cut from the log's floor plans by the doors, in whatever state these are, so that
@@ -154,16 +145,16 @@ def plan_of(door_map: DoorMap, floors: Mapping[int, FloorMap]) -> RoomPlan:
     """
     placed = placed_on(door_map.doors.values())
     levels: dict[int, LevelRooms] = {}
-    rooms: dict[RoomId, Room] = {}
-    doorways: list[Doorway] = []
+    rooms: dict[room_graph.RoomId, room_graph.Room] = {}
+    doorways: list[room_graph.Doorway] = []
     for level, floor in sorted(floors.items()):
         doors = placed.get(level, [])
         levels[level] = found = level_rooms(floor, doors, first_room=len(rooms) + 1)
         doorways += _doorways(floor, found, doors)
         rooms |= _rooms(found)
     doorways.sort(key=lambda doorway: doorway.door_id)
-    names = room_names(rooms, doorways, door_map.doors)
-    graph = RoomGraph(
+    names = room_graph.room_names(rooms, doorways, door_map.doors)
+    graph = room_graph.RoomGraph(
         rooms={i: replace(room, name=names.get(i)) for i, room in rooms.items()},
         doorways={doorway.door_id: doorway for doorway in doorways},
         lifts=lifts_of(door_map.doors.values()),
@@ -181,32 +172,34 @@ def placed_on(doors: Iterable[Door]) -> dict[int, list[Door]]:
     return dict(placed)
 
 
-def lifts_of(doors: Iterable[Door]) -> tuple[Lift, ...]:
+def lifts_of(doors: Iterable[Door]) -> tuple[room_graph.Lift, ...]:
     """Return the lifts that doors belong to, by name."""
     named = defaultdict(list)
     for door in sorted(doors, key=lambda door: (door.level, door.door_id)):
-        if door.annotations.get(LIFT):
-            named[door.annotations[LIFT]].append(door.door_id)
-    return tuple(Lift(name, tuple(ids)) for name, ids in sorted(named.items()))
+        if door.annotations.get(room_graph.LIFT):
+            named[door.annotations[room_graph.LIFT]].append(door.door_id)
+    return tuple(room_graph.Lift(name, tuple(ids)) for name, ids in sorted(named.items()))
 
 
-def _doorways(floor: FloorMap, rooms: LevelRooms, doors: Sequence[Door]) -> list[Doorway]:
+def _doorways(
+    floor: FloorMap, rooms: LevelRooms, doors: Sequence[Door]
+) -> list[room_graph.Doorway]:
     if not doors:
         return []
     found = zip(doors, sides_of(rooms, doors), in_walls(floor, doors), strict=True)
     return [
-        Doorway(door.door_id, door.level, left, right, in_wall=in_wall)
+        room_graph.Doorway(door.door_id, door.level, left, right, in_wall=in_wall)
         for door, (left, right), in_wall in found
     ]
 
 
-def _rooms(rooms: LevelRooms) -> dict[RoomId, Room]:
+def _rooms(rooms: LevelRooms) -> dict[room_graph.RoomId, room_graph.Room]:
     points = room_points(rooms)
     cells = rooms.regions.cell_counts()
     made = {}
     for room in rooms.rooms:
         area_m2 = float(cells[rooms.label_of(room)]) * rooms.geometry.resolution**2
-        made[room] = Room(room, rooms.level, None, area_m2, *points[room])
+        made[room] = room_graph.Room(room, rooms.level, None, area_m2, *points[room])
     return made
 
 
@@ -219,7 +212,9 @@ STEPS_A_CELL = 2
 LEFT, RIGHT = 1.0, -1.0
 
 
-def sides_of(rooms: LevelRooms, doors: Sequence[Door]) -> list[tuple[RoomId | None, RoomId | None]]:
+def sides_of(
+    rooms: LevelRooms, doors: Sequence[Door]
+) -> list[tuple[room_graph.RoomId | None, room_graph.RoomId | None]]:
     """Return the rooms on the left and on the right of doors; None: no probe found one.
 
     A door off the plan has none on either side.
@@ -252,9 +247,9 @@ def _found(rooms: LevelRooms, doors: Sequence[Door], side: float) -> NDArray[np.
     return found
 
 
-def _most(found: NDArray[np.int64]) -> RoomId | None:
+def _most(found: NDArray[np.int64]) -> room_graph.RoomId | None:
     """Return the most frequent finding of the probes; of several the first."""
-    rooms = Counter(room for room in found.tolist() if room >= OUTSIDE)
+    rooms = Counter(room for room in found.tolist() if room >= room_graph.OUTSIDE)
     return rooms.most_common(1)[0][0] if rooms else None
 
 
@@ -302,7 +297,7 @@ Labels = NDArray[np.int32]
 Cells = NDArray[np.intp]
 
 
-def room_points(rooms: LevelRooms) -> dict[RoomId, Point]:
+def room_points(rooms: LevelRooms) -> dict[room_graph.RoomId, Point]:
     """Return a point of each room, metres, frame `map`."""
     grid = rooms.geometry
     stride = max(1, math.ceil(math.sqrt(grid.width * grid.height / MOST_CELLS)))
@@ -314,7 +309,7 @@ def room_points(rooms: LevelRooms) -> dict[RoomId, Point]:
     return {room: grid.map_to_world(column, row) for room, (row, column) in chosen.items()}
 
 
-def _deepest(labels: Labels) -> dict[RoomId, tuple[int, int]]:
+def _deepest(labels: Labels) -> dict[room_graph.RoomId, tuple[int, int]]:
     """Return the cell of each label that is eroded last; of several the one nearest their mean."""
     depth = np.zeros(labels.shape, np.int32)
     left = np.pad(labels, 1)
@@ -338,7 +333,7 @@ def _eaten(labels: Labels, neighbours: tuple[tuple[int, int], ...]) -> Labels:
 
 def _last(
     label: Labels, depth: Labels, rows: Cells, columns: Cells
-) -> dict[RoomId, tuple[int, int]]:
+) -> dict[room_graph.RoomId, tuple[int, int]]:
     """Return the deepest cell of each label; of several the one nearest the label's mean."""
     count = np.bincount(label)
     with np.errstate(invalid="ignore"):
@@ -353,7 +348,7 @@ def _last(
     }
 
 
-def _longest_run(rooms: LevelRooms, room: RoomId) -> tuple[int, int]:
+def _longest_run(rooms: LevelRooms, room: room_graph.RoomId) -> tuple[int, int]:
     """Return the middle cell of the longest row of cells of a room that is in no sample."""
     regions = rooms.regions
     runs = np.flatnonzero(regions.labels == rooms.label_of(room))
@@ -370,7 +365,7 @@ LEAST_ROOM_M2 = 1.0
 OCCUPIED_FROM = 65
 """A cell from there on is a wall: map_server's `occupied_thresh`."""
 
-NO_ROOM: RoomId = -1
+NO_ROOM: room_graph.RoomId = -1
 """Of a cell in a wall, a door or a shaft."""
 
 
@@ -385,11 +380,11 @@ class LevelRooms:
     """By the label of a region, its room; `OUTSIDE`, or `NO_ROOM`."""
 
     @property
-    def rooms(self) -> list[RoomId]:
+    def rooms(self) -> list[room_graph.RoomId]:
         """The level's rooms, ascending."""
-        return [int(room) for room in self.room_of if room > OUTSIDE]
+        return [int(room) for room in self.room_of if room > room_graph.OUTSIDE]
 
-    def label_of(self, room_id: RoomId) -> int:
+    def label_of(self, room_id: room_graph.RoomId) -> int:
         """Return the region that a room is."""
         return int(np.flatnonzero(self.room_of == room_id)[0])
 
@@ -401,7 +396,7 @@ class LevelRooms:
             (columns >= 0) & (columns < self.geometry.width)
             & (rows >= 0) & (rows < self.geometry.height)
         )  # fmt: skip
-        return np.where(on_plan, found, OUTSIDE)
+        return np.where(on_plan, found, room_graph.OUTSIDE)
 
     def cells_at(self, x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the columns and rows of points; off the plan, one that it does not have."""
@@ -414,7 +409,9 @@ class LevelRooms:
         )
 
 
-def level_rooms(floor: FloorMap, doors: Iterable[Door], *, first_room: RoomId = 1) -> LevelRooms:
+def level_rooms(
+    floor: FloorMap, doors: Iterable[Door], *, first_room: room_graph.RoomId = 1
+) -> LevelRooms:
     """Return the rooms of a floor plan.
 
     Args:
@@ -439,13 +436,15 @@ def draw_doors(free: NDArray[np.bool_], geometry: GridGeometry, doors: Iterable[
         clear_stroke(free, geometry, door.start, door.end, half_m)
 
 
-def _numbered(regions: Regions, geometry: GridGeometry, first_room: RoomId) -> NDArray[np.int64]:
+def _numbered(
+    regions: Regions, geometry: GridGeometry, first_room: room_graph.RoomId
+) -> NDArray[np.int64]:
     """Return the room of each label, in the order of the regions' first cells."""
     area_m2 = regions.cell_counts() * geometry.resolution**2
     border = regions.at_border()
     is_room = ~border & (area_m2 >= LEAST_ROOM_M2)
     rooms = np.where(is_room, first_room - 1 + np.cumsum(is_room), NO_ROOM)
-    rooms[border] = OUTSIDE
+    rooms[border] = room_graph.OUTSIDE
     return rooms
 
 

@@ -16,15 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.analysis.costmap_2d.grid import GridGeometry
+from semmap_log.analysis.rooms import regions
 from semmap_log.analysis.rooms.level_rooms import OCCUPIED_FROM, Point, draw_doors
-from semmap_log.analysis.rooms.regions import (
-    DIAGONAL,
-    STRAIGHT,
-    DistanceFields,
-    Index,
-    Regions,
-    regions_of,
-)
 from semmap_log.core.model.doors import Door
 from semmap_log.core.model.events import FloorMap
 from semmap_log.errors import CostmapError
@@ -87,22 +80,22 @@ class WalkingFloor:
         shut = grown(self._walls | (floor.cells < 0), reach_m / self._fine.resolution)
         free = ~shut[stride // 2 :: stride, stride // 2 :: stride]
         draw_doors(free, self.geometry, self.doors)
-        self.regions: Regions = regions_of(free)
+        self.regions: regions.Regions = regions.regions_of(free)
         self._radius_m = radius_m
         self._near_m = radius_m + 2 * self.geometry.resolution
         self._before_door_m = REACH_M + radius_m
-        self._fields: dict[int, DistanceFields] = {}
+        self._fields: dict[int, regions.DistanceFields] = {}
 
-    def field(self, region: int) -> DistanceFields:
+    def field(self, region: int) -> regions.DistanceFields:
         """Return the field that measures ways in a connected part of the floor."""
         if region not in self._fields:
-            self._fields[region] = DistanceFields(self.regions, region)
+            self._fields[region] = regions.DistanceFields(self.regions, region)
         return self._fields[region]
 
     @property
     def metres(self) -> float:
         """Metres per unit of the fields' costs."""
-        return self.geometry.resolution / STRAIGHT
+        return self.geometry.resolution / regions.STRAIGHT
 
     def spot(self, x: float, y: float) -> Spot | None:
         """Return the cell nearest to a point, in sight of it; None: in a wall, or too narrow."""
@@ -135,7 +128,7 @@ class WalkingFloor:
             if (up, right) == (1, 1) or (diagonal and not (free[up, 1] and free[1, right])):
                 continue
             beside = (row + up - 1) * self.geometry.width + column + right - 1
-            found.append((beside, DIAGONAL if diagonal else STRAIGHT))
+            found.append((beside, regions.DIAGONAL if diagonal else regions.STRAIGHT))
         return found
 
     def point_of(self, flat: int) -> Point:
@@ -169,7 +162,7 @@ class WalkingFloor:
 
     def _cells_around(
         self, point: Point, reach_m: float
-    ) -> tuple[Index, NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[regions.Index, NDArray[np.float64], NDArray[np.float64]]:
         """Return the cells of a square around a point, with their centres."""
         x, y = point
         window = self.geometry.window_of(x - reach_m, y - reach_m, x + reach_m, y + reach_m)

@@ -20,22 +20,8 @@ import numpy as np
 
 from semmap_log.analysis.beliefs import probabilities
 from semmap_log.analysis.beliefs.door_beliefs import DoorBelief
+from semmap_log.core.arrow import event_view, scanned_table
 from semmap_log.core.arrow.arrow_sdk import pa
-from semmap_log.core.arrow.event_view import (
-    EVENT_VIEW,
-    SEEN_SECONDS,
-    as_event_view,
-    history_columns,
-)
-from semmap_log.core.arrow.scanned_table import (
-    Guarantee,
-    Read,
-    ScannedTable,
-    ScanRequest,
-    between,
-    equal,
-    microseconds,
-)
 from semmap_log.core.arrow.table import (
     COLUMNS,
     KIND,
@@ -58,7 +44,7 @@ from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.window import Window
 
 
-def log_views(log: DoorLog, making: RowMaking) -> dict[str, ScannedTable]:
+def log_views(log: DoorLog, making: RowMaking) -> dict[str, scanned_table.ScannedTable]:
     """Return the views of a log, by name.
 
     Args:
@@ -69,27 +55,27 @@ def log_views(log: DoorLog, making: RowMaking) -> dict[str, ScannedTable]:
     schemas |= {EVENTS: EVENT_SCHEMA, "doors": DOOR_SCHEMA}
     readers = _readers(log)
     return {
-        name: ScannedTable(schema, making.tables(readers[name]))
+        name: scanned_table.ScannedTable(schema, making.tables(readers[name]))
         for name, schema in sorted(schemas.items())
     }
 
 
-def _readers(log: DoorLog) -> dict[str, Read]:
+def _readers(log: DoorLog) -> dict[str, scanned_table.Read]:
     """Return the functions that make the rows of each view."""
 
-    def doors(_: ScanRequest) -> Iterator[pa.Table]:
+    def doors(_: scanned_table.ScanRequest) -> Iterator[pa.Table]:
         yield door_table(log.replay())
 
-    def intervals(asked: ScanRequest) -> Iterator[pa.Table]:
+    def intervals(asked: scanned_table.ScanRequest) -> Iterator[pa.Table]:
         ids = possible_doors(log, asked)
         return iter(()) if ids == [] else interval_tables(log, ids)
 
-    def changes(asked: ScanRequest) -> Iterator[pa.Table]:
+    def changes(asked: scanned_table.ScanRequest) -> Iterator[pa.Table]:
         ids = possible_doors(log, asked)
         for window in [] if ids == [] else possible_windows(log, asked):
             yield from change_tables(log, window, ids)
 
-    def poses(asked: ScanRequest) -> Iterator[pa.Table]:
+    def poses(asked: scanned_table.ScanRequest) -> Iterator[pa.Table]:
         for window in possible_windows(log, asked):
             yield from pose_tables(log, window)
 
@@ -141,15 +127,15 @@ def rows_as_table(columns: Sequence[Column], rows: Sequence[Sequence[Any]]) -> p
     return pa.Table.from_arrays(arrays, names=[column.name for column in columns])
 
 
-EVENT_SCHEMA = query_schema(EVENT_VIEW)
+EVENT_SCHEMA = query_schema(event_view.EVENT_VIEW)
 
 
-def event_rows(log: DoorLog, asked: ScanRequest) -> Iterator[pa.Table]:
+def event_rows(log: DoorLog, asked: scanned_table.ScanRequest) -> Iterator[pa.Table]:
     """Yield the events that a filter can match, in any order."""
-    needed, doors = history_columns(asked.columns), possible_doors(log, asked)
+    needed, doors = event_view.history_columns(asked.columns), possible_doors(log, asked)
     windows = [] if doors == [] else possible_windows(log, asked)
     for table in log.unordered_tables(windows, needed, doors):
-        yield as_event_view(table, asked.columns)
+        yield event_view.as_event_view(table, asked.columns)
 
 
 Tables = Iterator[pa.Table]
@@ -279,7 +265,7 @@ INTERVALS = (
     Column("state", STATE, "the state", nullable=False),
     Column("event", "int64", "number of the event that began it", nullable=False),
     Column("sightings", "int64", "how many events said so", nullable=False),
-    Column("seen_seconds", "float64", SEEN_SECONDS, nullable=False),
+    Column("seen_seconds", "float64", event_view.SEEN_SECONDS, nullable=False),
 )
 
 CHANGES = (
@@ -449,10 +435,10 @@ class RowMaking:
 
         return made
 
-    def tables(self, read: Read) -> Read:
+    def tables(self, read: scanned_table.Read) -> scanned_table.Read:
         """Wrap a function that yields tables, to record its failures."""
 
-        def found(asked: ScanRequest) -> Iterator[pa.Table]:
+        def found(asked: scanned_table.ScanRequest) -> Iterator[pa.Table]:
             try:
                 for table in read(asked):
                     self._check_wanted()
@@ -490,7 +476,7 @@ BOUNDED = ("event", "happened", "happened_ns", "recorded", "recorded_ns")
 """Columns by which parts of a log can be left out."""
 
 
-def possible_doors(log: DoorLog, asked: ScanRequest) -> list[DoorId] | None:
+def possible_doors(log: DoorLog, asked: scanned_table.ScanRequest) -> list[DoorId] | None:
     """Return the doors whose rows the filter can match; None: many, or rows about others, too."""
     names = [name for name in ("door_id", "door_name") if asked.filters_by(name)]
     if not names:
@@ -498,23 +484,31 @@ def possible_doors(log: DoorLog, asked: ScanRequest) -> list[DoorId] | None:
     called = log.all_door_names()
     ids = sorted(called)
     gaps = [(one + 1, other - 1) for one, other in pairwise([-1, *ids, MAX_DOOR_ID + 1])]
-    strangers = [equal("door_id", None), *(_ids(*gap) for gap in gaps if gap[0] <= gap[1])]
+    strangers = [
+        scanned_table.equal("door_id", None),
+        *(_ids(*gap) for gap in gaps if gap[0] <= gap[1]),
+    ]
     # A door that is called nothing here has no name at any time.
-    if asked.possible([each & equal("door_name", None) for each in strangers]):
+    if asked.possible([each & scanned_table.equal("door_name", None) for each in strangers]):
         return None
     pairs = [(door_id, name) for door_id in ids for name in [None, *sorted(called[door_id])]]
     places = asked.possible(
-        [_ids(door_id, door_id) & equal("door_name", _text(name)) for door_id, name in pairs]
+        [
+            _ids(door_id, door_id) & scanned_table.equal("door_name", _text(name))
+            for door_id, name in pairs
+        ]
     )
     found = sorted({pairs[place][0] for place in places})
     return found if len(found) <= MOST_DOORS else None
 
 
-def possible_windows(log: DoorLog, asked: ScanRequest) -> list[Window]:
+def possible_windows(log: DoorLog, asked: scanned_table.ScanRequest) -> list[Window]:
     """Return the events that the filter can match, as ranges of numbers, and their kinds."""
     kinds = list(KINDS)
     if asked.filters_by("kind"):
-        places = asked.possible([equal("kind", _text(kind.__name__)) for kind in KINDS])
+        places = asked.possible(
+            [scanned_table.equal("kind", _text(kind.__name__)) for kind in KINDS]
+        )
         kinds = [KINDS[place] for place in places]
     bits = kinds_mask(kinds)
     if not kinds or not any(map(asked.filters_by, BOUNDED)):
@@ -527,30 +521,36 @@ def possible_windows(log: DoorLog, asked: ScanRequest) -> list[Window]:
     ]
 
 
-def _ids(first: int, last: int) -> Guarantee:
+def _ids(first: int, last: int) -> scanned_table.Guarantee:
     least, greatest = (pa.scalar(each, pa.uint32()) for each in (first, last))
-    return equal("door_id", least) if first == last else between("door_id", least, greatest)
+    return (
+        scanned_table.equal("door_id", least)
+        if first == last
+        else scanned_table.between("door_id", least, greatest)
+    )
 
 
 def _text(text: str | None) -> pa.Scalar | None:
     return None if text is None else pa.scalar(text)
 
 
-def _possible_parts(parts: Iterable[LogPart], asked: ScanRequest) -> list[LogPart]:
+def _possible_parts(parts: Iterable[LogPart], asked: scanned_table.ScanRequest) -> list[LogPart]:
     listed = list(parts)
     guarantees = [reduce(and_, _bounds(part, asked)) for part in listed]
     return [listed[place] for place in asked.possible(guarantees)]
 
 
-def _bounds(part: LogPart, asked: ScanRequest) -> Iterator[Guarantee]:
-    yield between("event", pa.scalar(part.first_event), pa.scalar(part.last_event))
+def _bounds(part: LogPart, asked: scanned_table.ScanRequest) -> Iterator[scanned_table.Guarantee]:
+    yield scanned_table.between("event", pa.scalar(part.first_event), pa.scalar(part.last_event))
     for name, (least, greatest) in (
         ("happened", part.happened_ns),
         ("recorded", part.recorded_ns),
     ):
-        yield between(name, microseconds(least), microseconds(greatest))
+        yield scanned_table.between(
+            name, scanned_table.microseconds(least), scanned_table.microseconds(greatest)
+        )
         if asked.has(f"{name}_ns"):
-            yield between(f"{name}_ns", pa.scalar(least), pa.scalar(greatest))
+            yield scanned_table.between(f"{name}_ns", pa.scalar(least), pa.scalar(greatest))
 
 
 def _joined(parts: Iterable[LogPart]) -> list[tuple[int, int]]:

@@ -15,29 +15,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.core.arrow import table
 from semmap_log.core.arrow.arrow_sdk import pa
-from semmap_log.core.arrow.table import (
-    HISTORY_COLUMNS,
-    STATE,
-    TIME,
-    Column,
-    schema_of,
-    states_array,
-    times_array,
-)
 from semmap_log.core.model.moments import SECOND_NS
 
 HAPPENED, RECORDED = "happened", "recorded"
 
 _TIMES = (
-    Column("happened_ns", "int64", "happened, nanoseconds since 1970", nullable=False),
-    Column("recorded_ns", "int64", "recorded, nanoseconds since 1970", nullable=False),
-    Column("happened_given", TIME, "as given, by a clock that may have been wrong", nullable=False),
+    table.Column("happened_ns", "int64", "happened, nanoseconds since 1970", nullable=False),
+    table.Column("recorded_ns", "int64", "recorded, nanoseconds since 1970", nullable=False),
+    table.Column(
+        "happened_given",
+        table.TIME,
+        "as given, by a clock that may have been wrong",
+        nullable=False,
+    ),
 )
 _COUNTS = "when it happened, never after recorded"
 
 EVENT_VIEW = (
-    *(replace(c, says=_COUNTS) if c.name == HAPPENED else c for c in HISTORY_COLUMNS),
+    *(replace(c, says=_COUNTS) if c.name == HAPPENED else c for c in table.HISTORY_COLUMNS),
     *_TIMES,
 )
 """In order."""
@@ -53,7 +50,7 @@ _MADE_OF: Mapping[str, tuple[str, ...]] = {
 def history_columns(names: Collection[str]) -> list[str]:
     """Return the columns of a history from which these of the view are made."""
     needed = {made_of for name in names for made_of in _MADE_OF.get(name, (name,))}
-    return [column.name for column in HISTORY_COLUMNS if column.name in needed]
+    return [column.name for column in table.HISTORY_COLUMNS if column.name in needed]
 
 
 def as_event_view(history: pa.Table, names: Collection[str]) -> pa.Table:
@@ -88,14 +85,14 @@ def _instants(ns: NDArray[np.int64]) -> pa.Array:
 
 SEEN_SECONDS = "how much of it a sighting held, or a state that was set"
 
-INTERVAL_SCHEMA = schema_of(
+INTERVAL_SCHEMA = table.schema_of(
     (
-        Column("start", TIME, "when the state began", nullable=False),
-        Column("end", TIME, "when it ended", nullable=False),
-        Column("state", STATE, "the state", nullable=False),
-        Column("event", "int64", "number of the event that began it", nullable=False),
-        Column("sightings", "int64", "how many events said so", nullable=False),
-        Column("seen_seconds", "float64", SEEN_SECONDS, nullable=False),
+        table.Column("start", table.TIME, "when the state began", nullable=False),
+        table.Column("end", table.TIME, "when it ended", nullable=False),
+        table.Column("state", table.STATE, "the state", nullable=False),
+        table.Column("event", "int64", "number of the event that began it", nullable=False),
+        table.Column("sightings", "int64", "how many events said so", nullable=False),
+        table.Column("seen_seconds", "float64", SEEN_SECONDS, nullable=False),
     )
 )
 
@@ -111,9 +108,9 @@ def interval_table(
 ) -> pa.Table:
     """Return the columns of a `Timeline` as a table of `INTERVAL_SCHEMA`."""
     columns: list[Any] = [
-        times_array(start_ns),
-        times_array(end_ns),
-        states_array(state),
+        table.times_array(start_ns),
+        table.times_array(end_ns),
+        table.states_array(state),
         pa.array(event),
         pa.array(sightings),
         pa.array(seen_ns / SECOND_NS),

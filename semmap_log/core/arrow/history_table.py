@@ -21,21 +21,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.core.arrow import table
 from semmap_log.core.arrow.arrow_sdk import pa
-from semmap_log.core.arrow.table import (
-    HISTORY_COLUMNS,
-    RETRACTED,
-    SAID,
-    TEXT,
-    THEN,
-    CodedTexts,
-    Column,
-    Events,
-    column_of,
-    schema_of,
-    texts_array,
-    times_array,
-)
 from semmap_log.core.messages import OBJECT_KINDS, decode, encode, fixed_layout
 from semmap_log.core.model.commits import NOTE_TEXTS
 from semmap_log.core.model.events import DOOR_KINDS, KINDS, Event, FloorMap
@@ -46,8 +33,8 @@ TextsAsOf = Mapping[str, tuple[NDArray[np.intp], Sequence[str]]]
 
 
 def history_table(
-    events: Events,
-    columns: Sequence[Column] = HISTORY_COLUMNS,
+    events: table.Events,
+    columns: Sequence[table.Column] = table.HISTORY_COLUMNS,
     *,
     retracted: NDArray[np.bool_],
     commits: Commits | None = None,
@@ -65,24 +52,24 @@ def history_table(
     places = np.empty(0, np.intp) if commits is None else commits.places_of(events.number)
     arrays = []
     for column in columns:
-        if column in SAID:
+        if column in table.SAID:
             assert commits is not None, "commits say who and why"
             arrays.append(_said(column.name, commits, places))
-        elif column in THEN:
-            arrays.append(texts_array(*then[column.name]))
-        elif column == RETRACTED:
+        elif column in table.THEN:
+            arrays.append(table.texts_array(*then[column.name]))
+        elif column == table.RETRACTED:
             arrays.append(pa.array(retracted))
         else:
-            arrays.append(column_of(events, column))
+            arrays.append(table.column_of(events, column))
     return pa.Table.from_arrays(arrays, schema=_schema(tuple(columns)))
 
 
 @lru_cache(maxsize=16)
-def _schema(columns: tuple[Column, ...]) -> pa.Schema:
-    return schema_of(columns)
+def _schema(columns: tuple[table.Column, ...]) -> pa.Schema:
+    return table.schema_of(columns)
 
 
-def joined(tables: Iterable[pa.Table], columns: Sequence[Column]) -> pa.Table:
+def joined(tables: Iterable[pa.Table], columns: Sequence[table.Column]) -> pa.Table:
     """Return tables of some columns as one, whose dictionaries are the same in all its parts."""
     parts = list(tables)
     if not parts:
@@ -90,19 +77,19 @@ def joined(tables: Iterable[pa.Table], columns: Sequence[Column]) -> pa.Table:
     return pa.concat_tables(parts).unify_dictionaries()
 
 
-def plain_texts(columns: Iterable[Column]) -> tuple[Column, ...]:
+def plain_texts(columns: Iterable[table.Column]) -> tuple[table.Column, ...]:
     """Return columns as files have them: texts that many rows share are texts all the same."""
-    return tuple(replace(each, type="str") if each.type == TEXT else each for each in columns)
+    return tuple(replace(each, type="str") if each.type == table.TEXT else each for each in columns)
 
 
-EXPORT_SCHEMA = schema_of(plain_texts(HISTORY_COLUMNS))
+EXPORT_SCHEMA = table.schema_of(plain_texts(table.HISTORY_COLUMNS))
 """Of an exported file; a table of all columns becomes one by `cast`."""
 
 
 def _said(name: str, commits: Commits, places: NDArray[np.intp]) -> pa.DictionaryArray:
     if name in NOTE_TEXTS:
         at = NOTE_TEXTS.index(name)
-        return texts_array(commits.notes.take(places), [texts[at] for texts in commits.texts])
+        return table.texts_array(commits.notes.take(places), [texts[at] for texts in commits.texts])
     return pa.DictionaryArray.from_arrays(pa.array(places.astype(np.int32)), _hex(commits))
 
 
@@ -131,7 +118,7 @@ class RowsByDoor:
         self._data: dict[int, bytes] = {}
         """Number of an event with texts -> its bytes."""
 
-    def add(self, events: Events, door_ids: NDArray[np.uint32]) -> None:
+    def add(self, events: table.Events, door_ids: NDArray[np.uint32]) -> None:
         """Add events whose numbers all follow the earlier ones.
 
         Args:
@@ -268,10 +255,10 @@ def commit_table(commits: Commits) -> pa.Table:
     return pa.table(columns | {name: each.at(commits.notes) for name, each in said.items()})
 
 
-def _by_text(notes: Sequence[tuple[str, ...]]) -> dict[str, CodedTexts]:
+def _by_text(notes: Sequence[tuple[str, ...]]) -> dict[str, table.CodedTexts]:
     """Return what notes say, by the name of the text."""
     said = zip(NOTE_TEXTS, zip(*notes, strict=True), strict=True)
-    return {name: CodedTexts.of(texts) for name, texts in said}
+    return {name: table.CodedTexts.of(texts) for name, texts in said}
 
 
 def events_in(rows: pa.Table) -> dict[str, Any]:
@@ -380,7 +367,7 @@ _MADE_OF = {
 """Column -> what of the rows it is made of."""
 
 
-def stored_columns(columns: Collection[Column]) -> frozenset[str] | None:
+def stored_columns(columns: Collection[table.Column]) -> frozenset[str] | None:
     """Return which columns of the rows these are made of; None: one needs the events themselves."""
     needed: set[str] = set()
     for column in columns:
@@ -391,7 +378,7 @@ def stored_columns(columns: Collection[Column]) -> frozenset[str] | None:
     return frozenset(needed)
 
 
-def _of_field(column: Column) -> tuple[str, ...]:
+def _of_field(column: table.Column) -> tuple[str, ...]:
     """Return what a field of events is made of; nothing where events with texts have it."""
     field, kinds = column.field_name, column.kinds
     if not kinds or not set(kinds) <= set(FIXED_KINDS):
@@ -404,9 +391,9 @@ def stored_column(rows: pa.Table, name: str) -> pa.Array | pa.ChunkedArray | Non
     if name in {"event", "door_id", *NOTE_TEXTS}:
         return rows[name]
     if name == "recorded":
-        return times_array(rows["recorded_ns"].to_numpy())
+        return table.times_array(rows["recorded_ns"].to_numpy())
     if name == "happened":
-        return times_array(_happened_ns(rows))
+        return table.times_array(_happened_ns(rows))
     return None
 
 

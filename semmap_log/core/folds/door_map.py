@@ -16,24 +16,8 @@ from numpy.typing import NDArray
 from semmap_log.core.batches.event_batch import EventBatch, in_ranges
 from semmap_log.core.folds.levels import Annotations, DoorsPresent, Stamp
 from semmap_log.core.folds.registers import NEVER, NOBODY, DoorColumns, writes_of
-from semmap_log.core.model.doors import (
-    CLASS,
-    Door,
-    DoorId,
-    DoorMap,
-    Level,
-    ObjectClass,
-    RemovedDoor,
-)
-from semmap_log.core.model.events import (
-    ADDING_KINDS,
-    ClassDefined,
-    DoorAnnotated,
-    DoorEvent,
-    Event,
-    FloorMap,
-    LevelAdded,
-)
+from semmap_log.core.model import doors as door_model
+from semmap_log.core.model import events
 from semmap_log.core.model.meaning import FIELDS, REGISTERS, Presence
 
 Array = NDArray[Any]
@@ -84,7 +68,7 @@ class DoorMapState:
         self._columns.write(list(writes_of(batch)), rows, happened, batch.number)
         self._apply_objects(batch, happened)
 
-    def apply_one(self, event: Event, number: int) -> None:
+    def apply_one(self, event: events.Event, number: int) -> None:
         """Fold one event in: the same as a batch of one, for who has them one by one.
 
         Args:
@@ -94,16 +78,16 @@ class DoorMapState:
         assert event.happened_ns is not None
         stamp = (event.happened_ns, number)
         self.event, self.latest = max(self.event, number), max(self.latest, stamp)
-        if isinstance(event, DoorEvent):
+        if isinstance(event, events.DoorEvent):
             row = self._row(event.door_id)  # may make new columns
             self._columns.write_one(row, event, stamp)
-        if event.effect.presence is Presence.COMES and isinstance(event, DoorEvent):
+        if event.effect.presence is Presence.COMES and isinstance(event, events.DoorEvent):
             self.used_door_ids.add(event.door_id)
         self._apply_object(event, stamp)
 
     def note_used_ids(self, batch: EventBatch) -> None:
         """Remember the ids that the batch gives away; retracted events count here, too."""
-        for kind in ADDING_KINDS:
+        for kind in events.ADDING_KINDS:
             if kind in batch:
                 self.used_door_ids.update(batch[kind]["door_id"].tolist())
 
@@ -171,17 +155,17 @@ class DoorMapState:
         """Return the levels that have a name or a floor map, numbers ascending, with the names."""
         return {number: level.name for number, level in self._level_map().items()}
 
-    def classes(self) -> dict[str, ObjectClass]:
+    def classes(self) -> dict[str, door_model.ObjectClass]:
         """Return the classes of objects that are defined, names ascending."""
         return self._annotations.classes()
 
-    def objects(self) -> dict[DoorId, ObjectClass]:
+    def objects(self) -> dict[door_model.DoorId, door_model.ObjectClass]:
         """Return what all objects are that are no doors, removed ones too; ids ascending."""
         classes = self.classes()
-        said = self.since_added(CLASS) if classes else {}
+        said = self.since_added(door_model.CLASS) if classes else {}
         return {i: classes[name] for i, name in said.items() if name in classes}
 
-    def since_added(self, key: str) -> dict[DoorId, str]:
+    def since_added(self, key: str) -> dict[door_model.DoorId, str]:
         """Return each door's text under a key, set since it was added; ids ascending."""
         said = self._annotations.texts_under(key)
         return {i: text for i, (stamp, text) in said.items()
@@ -191,7 +175,7 @@ class DoorMapState:
         """Return (happened, number) of the definition of a class, or None."""
         return self._annotations.defined(name)
 
-    def names(self) -> dict[DoorId, str]:
+    def names(self) -> dict[door_model.DoorId, str]:
         """Return the latest name of every door that has one, removed doors too."""
         return self._annotations.names()
 
@@ -226,7 +210,9 @@ class DoorMapState:
         """Drop texts that events below a number set for a door under a key: they are redacted."""
         self._annotations.forget(door_id, key, before)
 
-    def door_map(self, *, at_ns: int | None = None, known_at_ns: int | None = None) -> DoorMap:
+    def door_map(
+        self, *, at_ns: int | None = None, known_at_ns: int | None = None
+    ) -> door_model.DoorMap:
         """Return the doors that are in the map, as values; the moments are only written on it."""
         n = len(self._row_of)
         columns = self._columns
@@ -234,7 +220,7 @@ class DoorMapState:
         here = here[np.argsort(columns["door_id"][here])]
         chosen = {name: columns[name][here] for name in _OF_A_DOOR}
         doors = DoorsPresent(chosen, self._annotations.snapshot())
-        return DoorMap(
+        return door_model.DoorMap(
             doors=doors,
             levels=MappingProxyType(self._level_map()),
             classes=MappingProxyType(doors.classes),
@@ -244,21 +230,21 @@ class DoorMapState:
             known_at_ns=known_at_ns,
         )
 
-    def door(self, door_id: int) -> Door | None:
+    def door(self, door_id: int) -> door_model.Door | None:
         """Return one door as a value; None: it is not in the map."""
         return self._door(door_id) if self.is_present(door_id) else None
 
-    def removed_door(self, door_id: int) -> RemovedDoor | None:
+    def removed_door(self, door_id: int) -> door_model.RemovedDoor | None:
         """Return a door that was removed; None: it was not, or never was in the map."""
         removed = self.stamp(door_id, "removed")
         if removed is None or self.stamp(door_id, "added") is None or self.is_present(door_id):
             return None
-        return RemovedDoor(self._door(door_id), removed[1])
+        return door_model.RemovedDoor(self._door(door_id), removed[1])
 
-    def _door(self, door_id: int) -> Door:
+    def _door(self, door_id: int) -> door_model.Door:
         row = self._row_of[door_id]
         chosen = {name: self._columns[name][row : row + 1] for name in _OF_A_DOOR}
-        return DoorsPresent(chosen, self._annotations)[DoorId(door_id)]
+        return DoorsPresent(chosen, self._annotations)[door_model.DoorId(door_id)]
 
     def to_arrays(self) -> dict[str, Any]:
         """Return the whole state as arrays and lists, the same for equal states; doors ascend."""
@@ -320,12 +306,14 @@ class DoorMapState:
                 )
         return state
 
-    def _level_map(self) -> dict[int, Level]:
+    def _level_map(self) -> dict[int, door_model.Level]:
         levels = {}
         for number in sorted(self._levels.keys() | self._floor_maps.keys()):
             _, name, elevation = self._levels.get(number, (None, None, np.nan))
             drawn = self._floor_maps.get(number)
-            levels[number] = Level(number, name or None, elevation, drawn[1] if drawn else None)
+            levels[number] = door_model.Level(
+                number, name or None, elevation, drawn[1] if drawn else None
+            )
         return levels
 
     def _rows(self, batch: EventBatch) -> NDArray[np.intp]:
@@ -367,7 +355,7 @@ class DoorMapState:
             self._row_by_id = np.concatenate([self._row_by_id, more])
 
     def _apply_objects(self, batch: EventBatch, happened: Array) -> None:
-        for kind in (DoorAnnotated, LevelAdded, FloorMap, ClassDefined):
+        for kind in (events.DoorAnnotated, events.LevelAdded, events.FloorMap, events.ClassDefined):
             if kind not in batch:
                 continue
             positions = batch.where(kind)
@@ -377,15 +365,15 @@ class DoorMapState:
             for event, stamp in zip(batch.objects[kind.kind], stamps, strict=True):
                 self._apply_object(event, stamp)
 
-    def _apply_object(self, event: Event, stamp: Stamp) -> None:
-        if isinstance(event, DoorAnnotated):
+    def _apply_object(self, event: events.Event, stamp: Stamp) -> None:
+        if isinstance(event, events.DoorAnnotated):
             self._annotations.write(event.door_id, event.key, event.value, stamp)
-        elif isinstance(event, LevelAdded):
+        elif isinstance(event, events.LevelAdded):
             if event.level not in self._levels or stamp > self._levels[event.level][0]:
                 self._levels[event.level] = (stamp, event.name, event.elevation)
-        elif isinstance(event, ClassDefined):
+        elif isinstance(event, events.ClassDefined):
             self._annotations.define(event, stamp)
-        elif isinstance(event, FloorMap):
+        elif isinstance(event, events.FloorMap):
             drawn = self._floor_maps.get(event.level)
             if drawn is None or stamp > drawn:
                 self._floor_maps[event.level] = stamp

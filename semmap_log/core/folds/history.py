@@ -23,16 +23,10 @@ from numpy.typing import NDArray
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent, Retractions
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.registers import NEVER, Writes, writes_of
+from semmap_log.core.model import events as ev
 from semmap_log.core.model import meaning
 from semmap_log.core.model.commits import NoteTexts
 from semmap_log.core.model.doors import Door, DoorId, DoorMap, DoorState, Level, ShownAsTable
-from semmap_log.core.model.events import (
-    DoorAnnotated,
-    DoorEvent,
-    Event,
-    PatrolFinished,
-    PatrolStarted,
-)
 from semmap_log.core.texts import counted
 from semmap_log.errors import CommandError
 
@@ -180,7 +174,7 @@ def _is_same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-ROUND_KINDS = (PatrolStarted, PatrolFinished)
+ROUND_KINDS = (ev.PatrolStarted, ev.PatrolFinished)
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,9 +218,9 @@ def rounds(entries: Iterable[HistoryEntry]) -> list[Round]:
             continue
         known = found.get(event.patrol)
         here = known or Round(event.patrol, None, None, entry.actor, entry.reason)
-        if isinstance(event, PatrolStarted) and here.start_ns is None:
+        if isinstance(event, ev.PatrolStarted) and here.start_ns is None:
             here = replace(here, start_ns=entry.folds_ns, actor=entry.actor, name=entry.reason)
-        elif isinstance(event, PatrolFinished) and here.end_ns is None:
+        elif isinstance(event, ev.PatrolFinished) and here.end_ns is None:
             here = replace(here, end_ns=entry.folds_ns)
         found[event.patrol] = here
     return list(found.values())
@@ -237,7 +231,7 @@ class HistoryEntry(ShownAsTable):
     """One event, with who and why."""
 
     number: int
-    event: Event
+    event: ev.Event
     happened_ns: int
     """As given; it may lie after `recorded_ns` if a clock was wrong."""
     recorded_ns: int
@@ -270,7 +264,7 @@ class HistoryEntry(ShownAsTable):
     @property
     def door_id(self) -> DoorId | None:
         """The door it is about; None: about none."""
-        return self.event.door_id if isinstance(self.event, DoorEvent) else None
+        return self.event.door_id if isinstance(self.event, ev.DoorEvent) else None
 
 
 NoteTextsOf = Callable[[NDArray[np.int64]], Iterable[tuple[NoteTexts, bytes]]]
@@ -388,13 +382,13 @@ def _changes_of_register(
 
 
 def _changes_of_texts(batch: EventBatch, state: DoorMapState) -> Iterator[tuple[int, ValueChange]]:
-    if DoorAnnotated not in batch:
+    if ev.DoorAnnotated not in batch:
         return
-    where = batch.where(DoorAnnotated)
+    where = batch.where(ev.DoorAnnotated)
     said: dict[tuple[int, str], tuple[tuple[int, int], str]] = {}
     stamps = zip(batch.folds_ns[where].tolist(), batch.number[where].tolist(), strict=True)
-    for event, stamp in zip(batch.objects[DoorAnnotated.kind], stamps, strict=True):
-        assert isinstance(event, DoorAnnotated)
+    for event, stamp in zip(batch.objects[ev.DoorAnnotated.kind], stamps, strict=True):
+        assert isinstance(event, ev.DoorAnnotated)
         place = (event.door_id, event.key)
         before = said.get(place) or state.text(*place)
         if before is not None and before[0] > stamp:

@@ -28,17 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import distinct
-from semmap_log.core.model.doors import (
-    CLASS,
-    DOOR,
-    Door,
-    DoorId,
-    DoorMap,
-    DoorState,
-    Level,
-    ObjectClass,
-    door_called,
-)
+from semmap_log.core.model import doors
 from semmap_log.core.model.events import ClassDefined
 from semmap_log.core.model.meaning import FIELDS
 from semmap_log.errors import CommandError, LevelNameWarning, LogError, UnknownLevelError
@@ -49,10 +39,10 @@ OPTION = '--level L on the command line, level=L in Python, "level": L in a JSON
 """How a user gives a level."""
 
 
-def levels_of(door_map: DoorMap) -> dict[int, Level]:
+def levels_of(door_map: doors.DoorMap) -> dict[int, doors.Level]:
     """Return the levels of a map, numbers ascending: see `level_numbers`."""
     numbers = level_numbers(door_map.levels, placed_levels(door_map))
-    return {number: door_map.levels.get(number) or Level(number) for number in numbers}
+    return {number: door_map.levels.get(number) or doors.Level(number) for number in numbers}
 
 
 def level_numbers(known: Iterable[int], placed: Iterable[int]) -> list[int]:
@@ -65,7 +55,7 @@ def level_numbers(known: Iterable[int], placed: Iterable[int]) -> list[int]:
     return sorted({*known, *placed})
 
 
-def placed_levels(door_map: DoorMap) -> set[int]:
+def placed_levels(door_map: doors.DoorMap) -> set[int]:
     """Return the levels that have a door with a place."""
     if isinstance(door_map.doors, DoorsPresent):
         return door_map.doors.placed_levels()
@@ -88,7 +78,7 @@ def only_level(names: Mapping[int, str | None]) -> int:
     return next(iter(names), 0)
 
 
-def resolve_level(text: str | int | None, door_map: DoorMap) -> int:
+def resolve_level(text: str | int | None, door_map: doors.DoorMap) -> int:
     """Return the level that a person means: by its name, else by its number.
 
     Args:
@@ -139,7 +129,7 @@ def _numbered(text: str, names: Mapping[int, str | None]) -> int:
     return found[0]
 
 
-def level_shown(door_map: DoorMap) -> int:
+def level_shown(door_map: doors.DoorMap) -> int:
     """Return the level that a picture shows by default: of several, the one with doors.
 
     Raises:
@@ -154,7 +144,7 @@ def told(names: Mapping[int, str | None]) -> str:
     return ", ".join(f"{n} ({name})" if name else str(n) for n, name in names.items())
 
 
-def of_class(door_map: DoorMap, name: str) -> DoorMap:
+def of_class(door_map: doors.DoorMap, name: str) -> doors.DoorMap:
     """Return a map with the objects of one class only; `door` is that of all doors.
 
     Raises:
@@ -167,23 +157,23 @@ def of_class(door_map: DoorMap, name: str) -> DoorMap:
     return replace(door_map, doors=door_map.doors.of_class(name))
 
 
-def check_class(door_map: DoorMap, name: str) -> None:
+def check_class(door_map: doors.DoorMap, name: str) -> None:
     """Check that a class of that name exists.
 
     Raises:
         CommandError: It does not.
     """
-    if name != DOOR.name and name not in door_map.classes:
-        known = ", ".join([DOOR.name, *door_map.classes])
+    if name != doors.DOOR.name and name not in door_map.classes:
+        known = ", ".join([doors.DOOR.name, *door_map.classes])
         raise CommandError(f"no class {name!r}; there are: {known}.")
 
 
-def only_doors(door_map: DoorMap) -> DoorMap:
+def only_doors(door_map: doors.DoorMap) -> doors.DoorMap:
     """Return a map without what is no door: planners, and the thesis, know doors alone."""
-    return of_class(door_map, DOOR.name)
+    return of_class(door_map, doors.DOOR.name)
 
 
-class DoorsPresent(Mapping[DoorId, Door]):
+class DoorsPresent(Mapping[doors.DoorId, doors.Door]):
     """Door id -> door, ids ascending; does not change. A door's name can be looked up, too."""
 
     def __init__(self, columns: Mapping[str, NDArray[Any]], annotations: Annotations) -> None:
@@ -199,14 +189,14 @@ class DoorsPresent(Mapping[DoorId, Door]):
         """The classes of objects that are defined, names ascending."""
         self._ids: list[int] = columns["door_id"].tolist()
         self._places = dict(zip(self._ids, range(len(self._ids)), strict=True))
-        self._made: dict[DoorId, Door] = {}
+        self._made: dict[doors.DoorId, doors.Door] = {}
         """Those that were requested, in that order."""
-        self._everything: dict[DoorId, Door] | None = None
+        self._everything: dict[doors.DoorId, doors.Door] | None = None
         """All of them, ids ascending, once all were requested."""
 
-    def __getitem__(self, door_id: DoorId | str) -> Door:
+    def __getitem__(self, door_id: doors.DoorId | str) -> doors.Door:
         if isinstance(door_id, str):
-            return door_called(door_id, ((door, (door.name,)) for door in self.values()))
+            return doors.door_called(door_id, ((door, (door.name,)) for door in self.values()))
         door = self._made.get(door_id)
         if door is None:
             place = self._places[door_id]
@@ -214,8 +204,8 @@ class DoorsPresent(Mapping[DoorId, Door]):
             door = self._made[door_id] = self._door(row)
         return door
 
-    def __iter__(self) -> Iterator[DoorId]:
-        return map(DoorId, self._ids)
+    def __iter__(self) -> Iterator[doors.DoorId]:
+        return map(doors.DoorId, self._ids)
 
     def __len__(self) -> int:
         return len(self._ids)
@@ -223,11 +213,11 @@ class DoorsPresent(Mapping[DoorId, Door]):
     def __contains__(self, door_id: object) -> bool:
         return door_id in self._places
 
-    def items(self) -> ItemsView[DoorId, Door]:
+    def items(self) -> ItemsView[doors.DoorId, doors.Door]:
         """Return all doors with their ids."""
         return self._all().items()
 
-    def values(self) -> ValuesView[Door]:
+    def values(self) -> ValuesView[doors.Door]:
         """Return all doors."""
         return self._all().values()
 
@@ -236,13 +226,13 @@ class DoorsPresent(Mapping[DoorId, Door]):
         is_placed = ~np.isnan(self._columns["x"])
         return set(distinct(self._columns["level"][is_placed]).tolist())
 
-    def in_state(self, state: DoorState) -> list[DoorId]:
+    def in_state(self, state: doors.DoorState) -> list[doors.DoorId]:
         """Return the doors in a state, ids ascending; none of them is made for it."""
         states = self._columns["state"]
         chosen = states == state
-        if state is DoorState.UNKNOWN:
-            chosen |= states > max(DoorState)  # what only a later version knows
-        return [DoorId(self._ids[place]) for place in np.flatnonzero(chosen).tolist()]
+        if state is doors.DoorState.UNKNOWN:
+            chosen |= states > max(doors.DoorState)  # what only a later version knows
+        return [doors.DoorId(self._ids[place]) for place in np.flatnonzero(chosen).tolist()]
 
     def of_class(self, name: str) -> DoorsPresent:
         """Return those of a class only."""
@@ -250,12 +240,12 @@ class DoorsPresent(Mapping[DoorId, Door]):
         columns = {field: column[chosen] for field, column in self._columns.items()}
         return DoorsPresent(columns, self._annotations)
 
-    def names(self) -> dict[DoorId, str]:
+    def names(self) -> dict[doors.DoorId, str]:
         """Return the name of each door that has one, ids ascending."""
         named = (i for i in self._annotations.names() if i in self._places)
         return {i: name for i in named if (name := self[i].name)}
 
-    def others_than(self, before: DoorsPresent) -> tuple[list[DoorId], list[DoorId]]:
+    def others_than(self, before: DoorsPresent) -> tuple[list[doors.DoorId], list[doors.DoorId]]:
         """Return the doors that are new or not as they were, and those that are gone.
 
         What is the same costs next to nothing: the columns are compared, and no door is made.
@@ -271,11 +261,11 @@ class DoorsPresent(Mapping[DoorId, Door]):
         changed = {*common[differs].tolist(), *np.setdiff1d(mine, theirs).tolist(), *text_changed}
         gone = np.setdiff1d(theirs, mine).tolist()
         return (
-            [DoorId(i) for i in sorted(changed) if i in self._places],
-            [DoorId(i) for i in gone],
+            [doors.DoorId(i) for i in sorted(changed) if i in self._places],
+            [doors.DoorId(i) for i in gone],
         )
 
-    def _said(self) -> Mapping[DoorId, object]:
+    def _said(self) -> Mapping[doors.DoorId, object]:
         """Return a text for each: its name and, where there are classes, its class.
 
         Where there are none, no door is made for it.
@@ -287,28 +277,28 @@ class DoorsPresent(Mapping[DoorId, Door]):
     def __repr__(self) -> str:
         return repr(self._all())
 
-    def _all(self) -> dict[DoorId, Door]:
+    def _all(self) -> dict[doors.DoorId, doors.Door]:
         if self._everything is None:
             names = list(self._columns)
             rows = zip(*(column.tolist() for column in self._columns.values()), strict=True)
             self._everything = {
-                DoorId(door_id): self._door(dict(zip(names, row, strict=True)))
+                doors.DoorId(door_id): self._door(dict(zip(names, row, strict=True)))
                 for door_id, row in zip(self._ids, rows, strict=True)
             }
         return self._everything
 
-    def _door(self, row: dict[str, Any]) -> Door:
+    def _door(self, row: dict[str, Any]) -> doors.Door:
         values = {name: row[name] for name in FIELDS}
         annotations = self._annotations.of(
             row["door_id"], (row["added_happened_ns"], row["added_event"])
         )
-        return Door(
-            door_id=DoorId(row["door_id"]),
-            **values | {"state": DoorState.of(row["state"])},
+        return doors.Door(
+            door_id=doors.DoorId(row["door_id"]),
+            **values | {"state": doors.DoorState.of(row["state"])},
             last_seen_ns=row["state_happened_ns"],
             last_event=row["last_event"],
             annotations=annotations,
-            object_class=self.classes.get(annotations.get(CLASS, ""), DOOR),
+            object_class=self.classes.get(annotations.get(doors.CLASS, ""), doors.DOOR),
         )
 
 
@@ -352,7 +342,7 @@ class Annotations:
         told = "\n".join(text.replace("\n", " ") for text in texts)
         self.write(_NO_DOOR, _DEFINES + event.class_name, told, stamp)
 
-    def classes(self) -> dict[str, ObjectClass]:
+    def classes(self) -> dict[str, doors.ObjectClass]:
         """Return the classes that were defined, names ascending."""
         if self._stored is not None and _NO_DOOR not in np.asarray(self._stored["door_id"]):
             return {}  # nothing is unpacked for it
@@ -362,17 +352,17 @@ class Annotations:
             for key, (_, text) in sorted(said.items())
             if key.startswith(_DEFINES)
         }
-        return {name: ObjectClass.told(name, *told) for name, told in defined.items()}
+        return {name: doors.ObjectClass.told(name, *told) for name, told in defined.items()}
 
     def defined(self, name: str) -> Stamp | None:
         """Return when a class was defined last; None: never."""
         told = self.get(_NO_DOOR, _DEFINES + name)
         return None if told is None else told[0]
 
-    def texts_under(self, key: str) -> dict[DoorId, tuple[Stamp, str]]:
+    def texts_under(self, key: str) -> dict[doors.DoorId, tuple[Stamp, str]]:
         """Return each door's text under a key, and its stamp; ids ascending."""
         said = sorted(self._unpacked().items())
-        return {DoorId(door_id): texts[key] for door_id, texts in said if key in texts}
+        return {doors.DoorId(door_id): texts[key] for door_id, texts in said if key in texts}
 
     def forget(self, door_id: int, key: str, before: int) -> None:
         """Drop the text that events below a number set for a door under a key."""
@@ -392,9 +382,11 @@ class Annotations:
             since = {key: value for key, value in since.items() if not key.startswith(_DEFINES)}
         return MappingProxyType({key: value for key, value in since.items() if value})
 
-    def names(self) -> dict[DoorId, str]:
+    def names(self) -> dict[doors.DoorId, str]:
         """Return the latest name of every door that has one, ids ascending."""
-        said = {DoorId(door_id): texts.get(NAME) for door_id, texts in self._unpacked().items()}
+        said = {
+            doors.DoorId(door_id): texts.get(NAME) for door_id, texts in self._unpacked().items()
+        }
         return {door_id: name[1] for door_id, name in sorted(said.items()) if name and name[1]}
 
     def events(self) -> list[int]:

@@ -14,17 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.folds.door_changes import (
-    STATE,
-    STATE_CHANGE,
-    THERE,
-    Changes,
-    are_sightings,
-    is_before,
-    known_states,
-    of_presence,
-    parts_of,
-)
+from semmap_log.core.folds import door_changes
 from semmap_log.core.folds.thinned_runs import sightings_of_runs
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.late_answers import answer_of
@@ -325,14 +315,19 @@ class _Reports:
 
     def __init__(self, doors: NDArray[np.int64] | None) -> None:
         self._doors = doors
-        self._parts: list[Changes] = []
+        self._parts: list[door_changes.Changes] = []
         self.latest_ns = 0
         """Of all events, whatever they are about."""
 
     def take(self, batch: EventBatch) -> None:
         """Read a batch."""
         self.latest_ns = max(self.latest_ns, int(batch.folds_ns.max(initial=0)))
-        self._parts += parts_of(batch, STATE_CHANGE, setting=STATE | THERE, doors=self._doors)
+        self._parts += door_changes.parts_of(
+            batch,
+            door_changes.STATE_CHANGE,
+            setting=door_changes.STATE | door_changes.THERE,
+            doors=self._doors,
+        )
         if SightingsThinned in batch:
             self._take_thinned(batch[SightingsThinned])
 
@@ -340,15 +335,15 @@ class _Reports:
         if self._doors is not None:
             told = told[np.isin(told["door_id"], self._doors)]
         of_row, seen_ns = sightings_of_runs(told)
-        rows = np.zeros(len(of_row), STATE_CHANGE)
+        rows = np.zeros(len(of_row), door_changes.STATE_CHANGE)
         rows["kind"], rows["folds_ns"] = SightingsThinned.kind, seen_ns
         rows["door_id"], rows["number"] = told["door_id"][of_row], told["first_event"][of_row]
         self._parts.append(rows)
 
     def doors(self) -> Iterator[_Life]:
         """Yield the changes of each door that was added, ids ascending."""
-        changes = np.concatenate([np.empty(0, STATE_CHANGE), *self._parts])
-        changes["state"] = known_states(changes["state"])
+        changes = np.concatenate([np.empty(0, door_changes.STATE_CHANGE), *self._parts])
+        changes["state"] = door_changes.known_states(changes["state"])
         order = np.lexsort((changes["number"], changes["folds_ns"], changes["door_id"]))
         changes = changes[order]
         starts = np.flatnonzero(np.diff(changes["door_id"].astype(np.int64), prepend=-1))
@@ -361,7 +356,7 @@ class _Reports:
 class _Life:
     """The changes of one door, in the order of the fold."""
 
-    def __init__(self, door_id: DoorId, changes: Changes) -> None:
+    def __init__(self, door_id: DoorId, changes: door_changes.Changes) -> None:
         self.door_id = door_id
         is_thinned = changes["kind"] == SightingsThinned.kind
         self._changes = changes[~is_thinned]
@@ -374,16 +369,16 @@ class _Life:
         self.removed_ns = removed[0] if removed is not None and counts else None
 
     def _stamp(self, presence: Presence) -> tuple[int, int] | None:
-        found = np.flatnonzero(of_presence(self._changes, presence))
+        found = np.flatnonzero(door_changes.of_presence(self._changes, presence))
         if not len(found):
             return None
         first = self._changes[found[0]]
         return int(first["folds_ns"]), int(first["number"])
 
-    def states(self) -> Changes:
+    def states(self) -> door_changes.Changes:
         """Return what counts: from the adding on, before the removal."""
-        changes = self._changes[~of_presence(self._changes, Presence.GOES)]
-        found: Changes = changes[self._counts(changes)]
+        changes = self._changes[~door_changes.of_presence(self._changes, Presence.GOES)]
+        found: door_changes.Changes = changes[self._counts(changes)]
         return found
 
     def thinned_ns(self) -> Times:
@@ -396,9 +391,9 @@ class _Life:
         found: Times = np.sort(counting["folds_ns"])
         return found
 
-    def _counts(self, changes: Changes) -> NDArray[np.bool_]:
+    def _counts(self, changes: door_changes.Changes) -> NDArray[np.bool_]:
         assert self.added is not None
-        counts: NDArray[np.bool_] = ~is_before(changes, self.added)
+        counts: NDArray[np.bool_] = ~door_changes.is_before(changes, self.added)
         if self.removed_ns is not None:
             counts &= changes["folds_ns"] < self.removed_ns
         return counts
@@ -435,7 +430,11 @@ def _intervals(life: _Life, end_ns: int, holds: int) -> Timeline:
 
 
 def _with_lapses(
-    found: Timeline, deciding: Changes, changes: Changes, thinned_ns: Times, holds: int
+    found: Timeline,
+    deciding: door_changes.Changes,
+    changes: door_changes.Changes,
+    thinned_ns: Times,
+    holds: int,
 ) -> Timeline:
     """Return a timeline with the times in which no sighting held.
 
@@ -446,10 +445,12 @@ def _with_lapses(
         thinned_ns: When sightings happened that were taken out, ascending.
         holds: As for `timelines`.
     """
-    seen_ns = np.sort(np.append(changes["folds_ns"][are_sightings(changes)], thinned_ns))
+    seen_ns = np.sort(
+        np.append(changes["folds_ns"][door_changes.are_sightings(changes)], thinned_ns)
+    )
     hold = hold_of(seen_ns, holds)
     told_ns = np.append(deciding["folds_ns"], thinned_ns)
-    lapses = np.append(are_sightings(deciding), np.ones(len(thinned_ns), np.bool_))
+    lapses = np.append(door_changes.are_sightings(deciding), np.ones(len(thinned_ns), np.bool_))
     order = np.argsort(told_ns, kind="stable")
     told_ns, lapses = told_ns[order], lapses[order]
     start_ns = np.minimum(told_ns, MAX_TIME_NS - hold.ns) + hold.ns

@@ -15,15 +15,9 @@ from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from semmap_log import errors
 from semmap_log.core.io.bounded_requests import MOST_GROWTH_BYTES, answer_of, check_not_forked
 from semmap_log.core.io.url_path import UrlPath
-from semmap_log.errors import (
-    CorruptLogError,
-    LogAccessError,
-    LogError,
-    MissingExtraError,
-    ObjectChangedError,
-)
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
@@ -77,7 +71,7 @@ class ObjectStore:
             import obstore
             from obstore.store import from_url
         except ImportError as error:
-            raise MissingExtraError("obstore", "fleet") from error
+            raise errors.MissingExtraError("obstore", "fleet") from error
         self._obstore: Any = obstore
         request_s = min(REQUEST_S, patience_s)
         self._within_s = patience_s + 2 * REQUEST_S
@@ -140,13 +134,13 @@ class ObjectStore:
 
         try:
             return self._asked("", look)
-        except LogAccessError as error:
+        except errors.LogAccessError as error:
             status = _status_in(str(error))
             if self.is_web_server and _is_no_list(status):
                 _list_nothing.add(server)
                 return nothing
             if status == 404:
-                raise LogAccessError(f"{self.url}: the bucket does not exist.") from None
+                raise errors.LogAccessError(f"{self.url}: the bucket does not exist.") from None
             raise
 
     def status(self, name: str) -> ObjectStatus:
@@ -184,7 +178,7 @@ class ObjectStore:
             status = _status(got.meta, name)
             if status.size > most_bytes:
                 problem = f"expected at most {most_bytes:,} bytes, got {status.size:,}"
-                raise CorruptLogError(self.url / name, None, problem)
+                raise errors.CorruptLogError(self.url / name, None, problem)
             return await self._body(got, name, status.size), status
 
         def answer() -> tuple[bytes, ObjectStatus] | None:
@@ -212,7 +206,7 @@ class ObjectStore:
         async def get() -> bytes:
             got = await self._obstore.get_async(self._store, status.name, options=options)
             if got.meta["size"] != status.size:
-                raise ObjectChangedError(self._changed(status.name))
+                raise errors.ObjectChangedError(self._changed(status.name))
             return await self._body(got, status.name, end - start)
 
         def answer() -> bytes:
@@ -222,7 +216,7 @@ class ObjectStore:
             data: bytes = self._asked(status.name, answer)
             if len(data) == end - start:
                 return data
-        raise LogAccessError(
+        raise errors.LogAccessError(
             f"{self.url / status.name}: expected bytes {start} to {end}, but the store sent "
             f"{len(data)}; try again, or use another route to the store."
         )
@@ -276,7 +270,7 @@ class ObjectStore:
         try:
             return self._asked(name, put)
         except FileNotFoundError:
-            raise LogAccessError(
+            raise errors.LogAccessError(
                 f"{self.url / name}: the bucket does not exist; create it first."
             ) from None
 
@@ -298,7 +292,7 @@ class ObjectStore:
             if come >= size:
                 break
         if come > size:
-            raise LogAccessError(
+            raise errors.LogAccessError(
                 f"{self.url / name}: expected {size:,} bytes, got more: the store sends what was "
                 "not requested. Read the object in another way."
             )
@@ -318,19 +312,21 @@ class ObjectStore:
         exceptions = self._obstore.exceptions
         try:
             return request()
-        except LogError:
+        except errors.LogError:
             raise
         except FileNotFoundError:
             raise FileNotFoundError(2, "no such object", str(where)) from None
         except exceptions.PreconditionError:
-            raise ObjectChangedError(self._changed(name)) from None
+            raise errors.ObjectChangedError(self._changed(name)) from None
         except (exceptions.PermissionDeniedError, exceptions.UnauthenticatedError) as error:
-            raise LogAccessError(
+            raise errors.LogAccessError(
                 f"{where}: the store refuses: {_said(error)}. Who may read comes from the store's "
                 "own environment or files, for S3 AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY."
             ) from None
         except (exceptions.BaseError, ValueError, OSError) as error:
-            raise LogAccessError(f"{where}: the store cannot be reached: {_said(error)}.") from None
+            raise errors.LogAccessError(
+                f"{where}: the store cannot be reached: {_said(error)}."
+            ) from None
 
     def _changed(self, name: str) -> str:
         return f"{self.url / name}: the object was replaced; reopen the log."

@@ -19,15 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from semmap_log.core.messages.type_hash import (
-    CDR_HEADER,
-    CODES,
-    OCCUPANCY_GRID,
-    flat_fields,
-    read_message,
-    type_name,
-    write_message,
-)
+from semmap_log.core.messages import type_hash
 from semmap_log.core.model.events import KINDS, Event, FloorMap, event_of, field_names
 
 OBJECT_KINDS: frozenset[int] = frozenset(
@@ -39,7 +31,7 @@ OBJECT_KINDS: frozenset[int] = frozenset(
 def ros_type(kind: int) -> str:
     """Return the ROS 2 type that carries events of that kind."""
     cls = KINDS[kind - 1]
-    return OCCUPANCY_GRID if cls is FloorMap else type_name(cls.__name__)
+    return type_hash.OCCUPANCY_GRID if cls is FloorMap else type_hash.type_name(cls.__name__)
 
 
 @cache
@@ -68,11 +60,13 @@ def encode(event: Event, happened_ns: int) -> bytes:
         fixed = fixed_layout(event.kind)
         return fixed.pack(*field_getter(event.kind)(event))
     if isinstance(event, FloorMap):
-        return write_message(OCCUPANCY_GRID, _floor_map_fields(event, happened_ns))
+        return type_hash.write_message(
+            type_hash.OCCUPANCY_GRID, _floor_map_fields(event, happened_ns)
+        )
     values = {name: getattr(event, name) for name in field_names(type(event))}
     if "salt" in values:
         values["salt"] = values["salt"] or bytes(16)
-    return write_message(ros_type(event.kind), values)
+    return type_hash.write_message(ros_type(event.kind), values)
 
 
 def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: int = 0) -> Event:
@@ -94,7 +88,9 @@ def decode(kind: int, data: bytes | memoryview, happened_ns: int | None, level: 
                 f"{fixed.name}: expected {fixed.dtype.itemsize} bytes, got {len(data)}"
             )
         return event_of(KINDS[kind - 1], fixed.unpack(data), happened_ns)
-    values = read_message(ros_type(kind), bytes(data))  # a copy: its arrays outlive the file
+    values = type_hash.read_message(
+        ros_type(kind), bytes(data)
+    )  # a copy: its arrays outlive the file
     cls = KINDS[kind - 1]
     if cls is FloorMap:
         return _floor_map(values, happened_ns, level)
@@ -171,7 +167,7 @@ class Layout:
 
     def pack(self, *values: Any) -> bytes:
         """Return the CDR bytes of these field values, in the order of `fields`."""
-        return self.packer.pack(CDR_HEADER, *values)
+        return self.packer.pack(type_hash.CDR_HEADER, *values)
 
     def packer_after(self, prefix: struct.Struct, count: int = 1) -> struct.Struct:
         """Return what packs such a message together with fixed fields before it, in one call.
@@ -218,17 +214,17 @@ def layout(name: str) -> Layout:
     names: list[str] = []
     formats: list[Any] = []
     offsets: list[int] = []
-    codes = f"<{len(CDR_HEADER)}s"
+    codes = f"<{len(type_hash.CDR_HEADER)}s"
     end = 0
-    for field in flat_fields(type_name(name)):
-        if field.type not in CODES or field.count == 0:
+    for field in type_hash.flat_fields(type_hash.type_name(name)):
+        if field.type not in type_hash.CODES or field.count == 0:
             raise ValueError(f"{name}.msg: no fixed size: {field.name}")
-        code, size = CODES[field.type]
+        code, size = type_hash.CODES[field.type]
         padding = -end % size
         count = field.count or 1
         names.append(field.name)
         formats.append((f"<{code}", (count,)) if field.count else f"<{code}")
-        offsets.append(len(CDR_HEADER) + end + padding)
+        offsets.append(len(type_hash.CDR_HEADER) + end + padding)
         codes += "x" * padding + (f"{count}s" if field.count else code)
         end += padding + count * size
     dtype = np.dtype(
@@ -236,7 +232,7 @@ def layout(name: str) -> Layout:
             "names": names,
             "formats": formats,
             "offsets": offsets,
-            "itemsize": len(CDR_HEADER) + end,
+            "itemsize": len(type_hash.CDR_HEADER) + end,
         }
     )
     return Layout(name, tuple(names), dtype, struct.Struct(codes))

@@ -15,17 +15,8 @@ from typing import Annotated, Any, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.model.doors import (
-    LEVEL_NOT_GIVEN,
-    NAN,
-    DoorState,
-    ObjectClass,
-    blocks_others,
-    class_name_expected,
-    geometry_expected,
-    is_given,
-    states_expected,
-)
+from semmap_log.core.model import doors
+from semmap_log.core.model import rules as field_rules
 from semmap_log.core.model.doors import NO_LEVEL as NO_LEVEL  # noqa: PLC0414 - a column of events has it
 from semmap_log.core.model.meaning import (
     ALL_CHANGED,
@@ -41,17 +32,6 @@ from semmap_log.core.model.meaning import (
     Probability,
 )
 from semmap_log.core.model.meaning import Changed as Changed  # noqa: PLC0414 - users look for it here
-from semmap_log.core.model.rules import (
-    Bits,
-    Cells,
-    Fit,
-    Nanoseconds,
-    Number,
-    OneOf,
-    Rule,
-    Text,
-    Whole,
-)
 from semmap_log.core.model.rules import is_whole_number as is_whole_number  # noqa: PLC0414 - used with events
 from semmap_log.errors import CommandError
 
@@ -86,13 +66,13 @@ LEAST_FLOAT32, GREATEST_FLOAT32 = 2.0**-149, (2 - 2.0**-23) * 2.0**127
 """Of the positive numbers that a float32 can hold: what is beyond would be stored as 0, or not."""
 
 
-EventNumber: TypeAlias = Annotated[int, Whole(0, MAX_EVENT)]
-PatrolNumber: TypeAlias = Annotated[int, Whole(0, 2**32 - 1)]
-Coordinate: TypeAlias = Annotated[float, Number()]
-Accuracy: TypeAlias = Annotated[float, Number(0.5, 1)]
-Deviation: TypeAlias = Annotated[float, Number(0, or_nan=True, unit="metres")]
-Turn: TypeAlias = Annotated[float, Number(0, or_nan=True, unit="radians")]
-Duration: TypeAlias = Annotated[float, Number(0, or_nan=True, unit="seconds")]
+EventNumber: TypeAlias = Annotated[int, field_rules.Whole(0, MAX_EVENT)]
+PatrolNumber: TypeAlias = Annotated[int, field_rules.Whole(0, 2**32 - 1)]
+Coordinate: TypeAlias = Annotated[float, field_rules.Number()]
+Accuracy: TypeAlias = Annotated[float, field_rules.Number(0.5, 1)]
+Deviation: TypeAlias = Annotated[float, field_rules.Number(0, or_nan=True, unit="metres")]
+Turn: TypeAlias = Annotated[float, field_rules.Number(0, or_nan=True, unit="radians")]
+Duration: TypeAlias = Annotated[float, field_rules.Number(0, or_nan=True, unit="seconds")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,7 +89,7 @@ class _SaysWhat(DoorEvent):
 
     effect = Effect(says_what=True)
 
-    changed: Annotated[Changed, Bits(1, int(ALL_CHANGED), flags=Changed)]
+    changed: Annotated[Changed, field_rules.Bits(1, int(ALL_CHANGED), flags=Changed)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,12 +112,12 @@ class DoorObserved(DoorEvent):
 
     effect = Effect(sets=Changed.STATE, is_sighting=True)
 
-    state: DoorState
+    state: doors.DoorState
     accuracy_open: Accuracy = 1.0
     """P(reads open when it is open), in [0.5, 1]."""
     accuracy_closed: Accuracy = 1.0
     """P(reads closed when it is closed), in [0.5, 1]."""
-    opening: Probability = NAN
+    opening: Probability = doors.NAN
     """How far it stands open, 0..1; NaN: not measured."""
 
 
@@ -145,7 +125,7 @@ class DoorObserved(DoorEvent):
 class DoorRequested(DoorEvent):
     """A state was requested (by whom: the commit's note); never changes the state."""
 
-    state: DoorState
+    state: doors.DoorState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,11 +133,14 @@ class DoorPassed(DoorEvent):
     """A robot went through (a sighting of OPEN), or gave up (which sets nothing)."""
 
     effect = Effect(
-        sets=Changed.STATE, only_if="passed", values={"state": DoorState.OPEN}, is_sighting=True
+        sets=Changed.STATE,
+        only_if="passed",
+        values={"state": doors.DoorState.OPEN},
+        is_sighting=True,
     )
 
     passed: bool
-    waited_s: Duration = NAN
+    waited_s: Duration = doors.NAN
     """How long it waited before the door, seconds; NaN: not measured."""
 
 
@@ -179,14 +162,14 @@ class PatrolFinished(Event):
 class RobotPose(Event):
     """Where the robot was, frame `map`; logged when it moved and at sightings."""
 
-    level: LevelNumber = LEVEL_NOT_GIVEN
+    level: LevelNumber = doors.LEVEL_NOT_GIVEN
     """Not given: the log's only one."""
     x: Coordinate
     y: Coordinate
     theta: Coordinate
-    sd_xy: Deviation = NAN
+    sd_xy: Deviation = doors.NAN
     """Standard deviation of x and y, metres; NaN: not given."""
-    sd_theta: Turn = NAN
+    sd_theta: Turn = doors.NAN
     """Standard deviation of theta, radians; NaN: not given."""
 
 
@@ -195,7 +178,7 @@ class Retracted(Event):
     """Hides whole events by number, for every query whose knowledge includes it."""
 
     first_event: EventNumber
-    last_event: Annotated[int, Whole(0, MAX_EVENT, not_below="first_event")]
+    last_event: Annotated[int, field_rules.Whole(0, MAX_EVENT, not_below="first_event")]
     """Inclusive."""
 
 
@@ -203,7 +186,7 @@ class Retracted(Event):
 class DoorAnnotated(DoorEvent):
     """A fact in words: name, rooms, type (hinged, sliding …). An empty value takes it back."""
 
-    key: Annotated[str, Text(needed="a key such as name")]
+    key: Annotated[str, field_rules.Text(needed="a key such as name")]
     value: str
     salt: bytes = field(default=b"", repr=False, compare=False)
     """16 random bytes, so that a redacted text cannot be guessed from its digest."""
@@ -215,7 +198,7 @@ class LevelAdded(Event):
 
     level: LevelNumber
     name: str
-    elevation: float = NAN
+    elevation: float = doors.NAN
     """Metres above the building's zero; NaN: not given."""
 
 
@@ -223,11 +206,11 @@ class LevelAdded(Event):
 class FloorMap(Event):
     """A level's floor plan, as nav_msgs/OccupancyGrid."""
 
-    level: LevelNumber = LEVEL_NOT_GIVEN
+    level: LevelNumber = doors.LEVEL_NOT_GIVEN
     """Not given: the log's only one."""
     resolution: Annotated[
         float,
-        Number(
+        field_rules.Number(
             LEAST_FLOAT32, GREATEST_FLOAT32,
             words="a finite number of metres above 0 that a float32 can hold", unit="metres",
         ),
@@ -237,7 +220,7 @@ class FloorMap(Event):
     """Where the lower left corner of cell (0, 0) lies, metres, frame `map`."""
     origin_y: Coordinate
     origin_theta: Coordinate = 0.0
-    cells: Annotated[NDArray[np.int8], Cells()]
+    cells: Annotated[NDArray[np.int8], field_rules.Cells()]
     """(height, width), row 0 = lowest y; 0 free .. 100 occupied, -1 unknown."""
 
     def __eq__(self, other: object) -> bool:
@@ -258,7 +241,7 @@ class LogExported(Event):
 
     format: str
     file_name: str
-    at_ns: Annotated[int, Nanoseconds()]
+    at_ns: Annotated[int, field_rules.Nanoseconds()]
     """The moment whose state was saved."""
 
 
@@ -292,7 +275,7 @@ class MomentPinned(Event):
 
     changes_nothing = True
 
-    at_ns: Annotated[int, Nanoseconds()]
+    at_ns: Annotated[int, field_rules.Nanoseconds()]
     next_event: EventNumber = 0
     """The state holds events below this number; 0: there is no state yet."""
     name: str
@@ -304,15 +287,15 @@ class MomentPinned(Event):
 class SightingsThinned(DoorEvent):
     """Sightings of a door that were taken out, since they repeat what is left: their worth."""
 
-    state: DoorState
-    count: Annotated[int, Whole(1, 2**32 - 1)]
+    state: doors.DoorState
+    count: Annotated[int, field_rules.Whole(1, 2**32 - 1)]
     accuracy_open: Accuracy = 1.0
     """P(reads open when it is open), in [0.5, 1]: their mean."""
     accuracy_closed: Accuracy = 1.0
     """P(reads closed when it is closed), in [0.5, 1]: their mean."""
-    first_ns: Annotated[int, Nanoseconds()]
+    first_ns: Annotated[int, field_rules.Nanoseconds()]
     """When the first of them happened."""
-    last_ns: Annotated[int, Nanoseconds()]
+    last_ns: Annotated[int, field_rules.Nanoseconds()]
     """When the last did."""
     first_event: EventNumber = 0
     """The number of the first: while that is in the log, these were not taken out, and do not
@@ -324,20 +307,25 @@ class ClassDefined(Event):
     """What objects of a class are like; a later definition of that name takes its place."""
 
     fits = (
-        Fit("", ("states", "blocks"), blocks_others, "some of {states}, commas between",
-            ("blocks",)),
-    )  # fmt: skip
+        field_rules.Fit(
+            "",
+            ("states", "blocks"),
+            doors.blocks_others,
+            "some of {states}, commas between",
+            ("blocks",),
+        ),
+    )
 
-    class_name: Annotated[str, Text(expects=class_name_expected)]
-    geometry: Annotated[str, Text(expects=geometry_expected)]
+    class_name: Annotated[str, field_rules.Text(expects=doors.class_name_expected)]
+    geometry: Annotated[str, field_rules.Text(expects=doors.geometry_expected)]
     """segment, polygon or point."""
-    states: Annotated[str, Text(expects=states_expected)] = "OPEN,CLOSED,MOVING"
+    states: Annotated[str, field_rules.Text(expects=doors.states_expected)] = "OPEN,CLOSED,MOVING"
     """What OPEN, CLOSED and, if there is a third, MOVING are called, commas between."""
     blocks: str = "CLOSED"
     """Those of the words whose states block a robot's way, commas between; empty: none."""
 
     @classmethod
-    def of(cls, one: ObjectClass, happened_ns: int | None = None) -> ClassDefined:
+    def of(cls, one: doors.ObjectClass, happened_ns: int | None = None) -> ClassDefined:
         """Return the definition of a class."""
         blocks = ",".join(one.word(state) for state in sorted(one.blocks))
         return cls(
@@ -349,9 +337,9 @@ class ClassDefined(Event):
         )
 
     @property
-    def object_class(self) -> ObjectClass:
+    def object_class(self) -> doors.ObjectClass:
         """The class that it defines."""
-        return ObjectClass.told(self.class_name, self.geometry, self.states, self.blocks)
+        return doors.ObjectClass.told(self.class_name, self.geometry, self.states, self.blocks)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -481,15 +469,15 @@ def events_of_columns(
         yield event
 
 
-def _value_of(rule: Rule, number: Any, *, is_stored: bool) -> Any:
+def _value_of(rule: field_rules.Rule, number: Any, *, is_stored: bool) -> Any:
     value = rule.told_by(number)
-    if is_stored and isinstance(rule, OneOf) and not rule.allows(value):
+    if is_stored and isinstance(rule, field_rules.OneOf) and not rule.allows(value):
         return rule.members(0)
     return value
 
 
 @cache
-def _told(kind: int) -> tuple[tuple[str, Rule], ...]:
+def _told(kind: int) -> tuple[tuple[str, field_rules.Rule], ...]:
     """Return the fields whose values are another thing than the numbers in a column."""
     rules = KINDS[kind - 1].rules.fields.items()
     return tuple((name, rule) for name, rule in rules if rule.is_coded)
@@ -513,4 +501,4 @@ def defaults_of(kind: type[Event]) -> dict[str, Any]:
 
 def may_lack_level(kind: type[Event]) -> bool:
     """Return whether a kind's events are on a level that may be left out: `levels` resolves it."""
-    return not is_given(defaults_of(kind).get("level", 0))
+    return not doors.is_given(defaults_of(kind).get("level", 0))

@@ -21,27 +21,8 @@ from operator import attrgetter, or_
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, TypeAlias
 
-from semmap_log.core.model.doors import (
-    LEVEL_NOT_GIVEN,
-    MAX_DOOR_ID,
-    MAX_LEVEL,
-    NAN,
-    NO_LEVEL,
-    DoorId,
-    DoorState,
-)
-from semmap_log.core.model.rules import (
-    ANY_NUMBER,
-    FINITE,
-    Fit,
-    Nanoseconds,
-    Number,
-    Rule,
-    Whole,
-    is_number,
-    marks_of,
-    rules_of,
-)
+from semmap_log.core.model import doors
+from semmap_log.core.model import rules as field_rules
 from semmap_log.errors import InvalidEventError
 
 
@@ -76,10 +57,12 @@ def _lacks_pose(changed: Any, x: Any, y: Any, theta: Any) -> Any:
 _POSE_BIT = int(Changed.POSE)
 _POSE = ("x", "y", "theta")
 
-WHOLE_POSE = Fit("x", _POSE, _half_given, FINITE.expected, _POSE)
+WHOLE_POSE = field_rules.Fit("x", _POSE, _half_given, field_rules.FINITE.expected, _POSE)
 """All of a pose is there, or nothing."""
-POSE_IF_SET = Fit("x", ("changed", *_POSE), _lacks_pose, FINITE.expected, _POSE)
-WIDTH_WITH_POSE = Fit(
+POSE_IF_SET = field_rules.Fit(
+    "x", ("changed", *_POSE), _lacks_pose, field_rules.FINITE.expected, _POSE
+)
+WIDTH_WITH_POSE = field_rules.Fit(
     "width",
     ("x", "width"),
     lambda x, width: (x != x) != (width != width),  # noqa: PLR0124 - NaN
@@ -88,10 +71,13 @@ WIDTH_WITH_POSE = Fit(
 )
 
 LevelNumber: TypeAlias = Annotated[
-    int, Whole(0, MAX_LEVEL, absent=NO_LEVEL, absent_value=LEVEL_NOT_GIVEN)
+    int,
+    field_rules.Whole(
+        0, doors.MAX_LEVEL, absent=doors.NO_LEVEL, absent_value=doors.LEVEL_NOT_GIVEN
+    ),
 ]
-PlaceOrNone: TypeAlias = Annotated[float, Number(or_nan=True)]
-Probability: TypeAlias = Annotated[float, Number(0, 1, or_nan=True)]
+PlaceOrNone: TypeAlias = Annotated[float, field_rules.Number(or_nan=True)]
+Probability: TypeAlias = Annotated[float, field_rules.Number(0, 1, or_nan=True)]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -99,23 +85,27 @@ class DoorValues:
     """The fields of a door that events set, each with the part of the door that it belongs to."""
 
     __slots__ = ()
-    fits: ClassVar[tuple[Fit, ...]] = (WHOLE_POSE,)
+    fits: ClassVar[tuple[field_rules.Fit, ...]] = (WHOLE_POSE,)
 
-    level: Annotated[LevelNumber, Changed.POSE] = LEVEL_NOT_GIVEN
+    level: Annotated[LevelNumber, Changed.POSE] = doors.LEVEL_NOT_GIVEN
     """Not given: the one that the door is on; of a new door the log's only one: see `levels`."""
-    x: Annotated[PlaceOrNone, Changed.POSE] = NAN
-    y: Annotated[PlaceOrNone, Changed.POSE] = NAN
-    theta: Annotated[PlaceOrNone, Changed.POSE] = NAN
-    width: Annotated[float, Number(0, or_nan=True, unit="metres", if_set=True), Changed.WIDTH] = NAN
-    state: Annotated[DoorState, Changed.STATE] = DoorState.UNKNOWN
-    prob_open: Annotated[Probability, Changed.PROB_OPEN] = NAN
-    prob_closed: Annotated[Probability, Changed.PROB_CLOSED] = NAN
+    x: Annotated[PlaceOrNone, Changed.POSE] = doors.NAN
+    y: Annotated[PlaceOrNone, Changed.POSE] = doors.NAN
+    theta: Annotated[PlaceOrNone, Changed.POSE] = doors.NAN
+    width: Annotated[
+        float, field_rules.Number(0, or_nan=True, unit="metres", if_set=True), Changed.WIDTH
+    ] = doors.NAN
+    state: Annotated[doors.DoorState, Changed.STATE] = doors.DoorState.UNKNOWN
+    prob_open: Annotated[Probability, Changed.PROB_OPEN] = doors.NAN
+    prob_closed: Annotated[Probability, Changed.PROB_CLOSED] = doors.NAN
 
 
-PART_OF: Mapping[str, Changed] = marks_of(DoorValues, Changed)
+PART_OF: Mapping[str, Changed] = field_rules.marks_of(DoorValues, Changed)
 """Field -> the part that it belongs to."""
 
-FIELDS: Mapping[str, str] = {name: rule.dtype for name, rule in rules_of(DoorValues).items()}
+FIELDS: Mapping[str, str] = {
+    name: rule.dtype for name, rule in field_rules.rules_of(DoorValues).items()
+}
 """Every field of a door that events set -> its numpy type."""
 
 PARTS: Mapping[Changed, Mapping[str, str]] = {
@@ -179,27 +169,29 @@ class Effect:
 NO_EFFECT = Effect()
 
 
-HAPPENED = Nanoseconds()
+HAPPENED = field_rules.Nanoseconds()
 
 
 @dataclass(frozen=True, slots=True)
 class KindRules:
     """What the values of a kind's events can be: each by itself, and all together."""
 
-    fields: Mapping[str, Rule]
+    fields: Mapping[str, field_rules.Rule]
     """Field -> its rule."""
-    fits: tuple[Fit, ...]
+    fits: tuple[field_rules.Fit, ...]
 
     @classmethod
     def of(cls, kind: type[Event]) -> KindRules:
         """Return what the annotations of a kind say, and its `fits`."""
-        told = {name: rule for name, rule in rules_of(kind).items() if name != "happened_ns"}
+        told = {
+            name: rule for name, rule in field_rules.rules_of(kind).items() if name != "happened_ns"
+        }
         fits = list(kind.fits)
         for name, rule in told.items():
-            if isinstance(rule, Whole) and rule.not_below:
+            if isinstance(rule, field_rules.Whole) and rule.not_below:
                 fits.append(_not_below(name, rule))
-            if isinstance(rule, Number) and rule.if_set and kind.effect.says_what:
-                told[name] = ANY_NUMBER
+            if isinstance(rule, field_rules.Number) and rule.if_set and kind.effect.says_what:
+                told[name] = field_rules.ANY_NUMBER
                 fits.append(_given_if_set(name, rule))
         return cls(MappingProxyType(told), tuple(fits))
 
@@ -210,7 +202,7 @@ class KindRules:
         """
         values = {name: getattr(event, name) for name in self.fields}
         for name, rule in self.fields.items():
-            if isinstance(rule, Number) and not is_number(values[name]):
+            if isinstance(rule, field_rules.Number) and not field_rules.is_number(values[name]):
                 yield event.refused(name, "a number")
         for name, rule in self.fields.items():
             yield from self._misfits(event, values, name)
@@ -227,12 +219,12 @@ class KindRules:
                 yield event.refused(fit.blamed(values), fit.expected.format(**values))
 
 
-def _not_below(name: str, rule: Whole) -> Fit:
+def _not_below(name: str, rule: field_rules.Whole) -> field_rules.Fit:
     both = (rule.not_below, name)
-    return Fit("", both, lambda least, value: value < least, rule.expected, (name,))
+    return field_rules.Fit("", both, lambda least, value: value < least, rule.expected, (name,))
 
 
-def _given_if_set(name: str, rule: Number) -> Fit:
+def _given_if_set(name: str, rule: field_rules.Number) -> field_rules.Fit:
     bit, low = int(PART_OF[name]), rule.low
     too_great = math.nextafter(rule.high, math.inf)
 
@@ -240,7 +232,7 @@ def _given_if_set(name: str, rule: Number) -> Fit:
         lacks = value != value  # noqa: PLR0124 - NaN
         return sets_part(changed, bit) & (lacks | (value < low) | (value >= too_great))
 
-    return Fit(name, ("changed", name), broken, rule.expected, (name,))
+    return field_rules.Fit(name, ("changed", name), broken, rule.expected, (name,))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -256,7 +248,7 @@ class Event:
     effect: ClassVar[Effect] = NO_EFFECT
     """What it does to the door that it is about."""
 
-    fits: ClassVar[tuple[Fit, ...]] = ()
+    fits: ClassVar[tuple[field_rules.Fit, ...]] = ()
     """What its values must be to each other."""
 
     changes_nothing: ClassVar[bool] = False
@@ -275,7 +267,9 @@ class Event:
         """Become a kind: with a number, and with the rules that the annotations define."""
         cls.kind = number
         cls.rules = KindRules.of(cls)
-        checked = (pair for pair in cls.rules.fields.items() if type(pair[1]) is not Rule)
+        checked = (
+            pair for pair in cls.rules.fields.items() if type(pair[1]) is not field_rules.Rule
+        )
         cls._allow = tuple((name, rule.allows) for name, rule in checked)
         cls._broken = tuple((attrgetter(*fit.of), fit.broken) for fit in cls.rules.fits)
 
@@ -314,4 +308,4 @@ class Event:
 class DoorEvent(Event):
     """An event about one door."""
 
-    door_id: Annotated[DoorId, Whole(0, MAX_DOOR_ID)]
+    door_id: Annotated[doors.DoorId, field_rules.Whole(0, doors.MAX_DOOR_ID)]

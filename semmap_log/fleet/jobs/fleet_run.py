@@ -20,17 +20,7 @@ from semmap_log.core.folds.projection import Projection
 from semmap_log.core.io.url_path import place_of
 from semmap_log.errors import MomentError
 from semmap_log.fleet.answer_places import default_folder
-from semmap_log.fleet.jobs.door_jobs import (
-    WORKER_MEMORY,
-    DoorMapJob,
-    EngineChoice,
-    InfoJob,
-    KeptAnswers,
-    OpeningsJob,
-    ProbabilitiesJob,
-    VerifyJob,
-    ask_logs,
-)
+from semmap_log.fleet.jobs import door_jobs
 from semmap_log.fleet.jobs.engine import TIMEOUT_S, Engine
 from semmap_log.fleet.jobs.job import (
     FleetAnswer,
@@ -58,7 +48,7 @@ class Fleet:
     """
 
     def __init__(
-        self, places: Sequence[str], choice: EngineChoice, results: Path, *, fresh: bool
+        self, places: Sequence[str], choice: door_jobs.EngineChoice, results: Path, *, fresh: bool
     ) -> None:
         self.places = tuple(places)
         """Their paths and URLs."""
@@ -102,27 +92,27 @@ class Fleet:
             MomentError: A time cannot be read, by any log.
             EngineError: The engine is missing, or has gone; answers so far are kept.
         """
-        return self.ask(DoorMapJob(at, known_at), progress=progress)
+        return self.ask(door_jobs.DoorMapJob(at, known_at), progress=progress)
 
     def openings(self, *, progress: Tell | None = None) -> FleetAnswer:
         """Return how often each door was opened, by hour (UTC); see `OpeningsJob`."""
-        return self.ask(OpeningsJob(), progress=progress)
+        return self.ask(door_jobs.OpeningsJob(), progress=progress)
 
     def probabilities(
         self, at: str | int | None = None, known_at: str | int | None = None, *,
         horizon_ns: int = 0, estimator: str | None = None, progress: Tell | None = None,
     ) -> FleetAnswer:  # fmt: skip
         """Return how likely each door is open; see `beliefs.door_beliefs.probabilities`."""
-        job = ProbabilitiesJob(at, known_at, horizon_ns, estimator)
+        job = door_jobs.ProbabilitiesJob(at, known_at, horizon_ns, estimator)
         return self.ask(job, progress=progress)
 
     def verify(self, *, progress: Tell | None = None) -> FleetAnswer:
         """Read every byte of each log, as `verify` does of one, and return a row for each."""
-        return self.ask(VerifyJob(), progress=progress)
+        return self.ask(door_jobs.VerifyJob(), progress=progress)
 
     def info(self, *, progress: Tell | None = None) -> FleetAnswer:
         """Return what each log contains, a row each."""
-        return self.ask(InfoJob(), progress=progress)
+        return self.ask(door_jobs.InfoJob(), progress=progress)
 
     def export(self, out: str | Path, *, progress: Tell | None = None) -> FleetAnswer:
         """Write every event of each log as Parquet files, a folder a month; see `month_export`.
@@ -154,7 +144,7 @@ class Fleet:
 
     def ask(self, job: Job, *, progress: Tell | None = None) -> FleetAnswer:
         """Return the answers to a question: see `job`."""
-        kept = None if job.holds is Holds.never else KeptAnswers(self._results, job)
+        kept = None if job.holds is Holds.never else door_jobs.KeptAnswers(self._results, job)
         had = {} if kept is None or self._fresh else kept.of(self.places)
         answers: dict[str, LogAnswer] = {}
         done = FleetProgress(0, len(self.places), 0, 0)
@@ -163,7 +153,7 @@ class Fleet:
                 LogQuestion(place, had[place].asked.head if place in had else "")
                 for place in self.places
             ]
-            for found in ask_logs(engine, job, questions):
+            for found in door_jobs.ask_logs(engine, job, questions):
                 asked = found.asked
                 table = had[asked.place].table if asked.is_kept else found.table
                 if kept is not None and asked.outcome.is_good and not asked.is_kept:
@@ -189,7 +179,7 @@ def fleet(
     engine: str = "dask",
     scheduler: str = "",
     workers: int | None = None,
-    memory: str = WORKER_MEMORY,
+    memory: str = door_jobs.WORKER_MEMORY,
     timeout_s: float = TIMEOUT_S,
     results: str | Path | None = None,
     fresh: bool = False,
@@ -216,5 +206,5 @@ def fleet(
     """
     places = log_places([urls] if isinstance(urls, str | PurePath) else urls)
     folder = default_folder() if results is None else Path(results)
-    choice = EngineChoice(engine, scheduler, workers, memory, timeout_s)
+    choice = door_jobs.EngineChoice(engine, scheduler, workers, memory, timeout_s)
     return Fleet(places, choice, folder, fresh=fresh)

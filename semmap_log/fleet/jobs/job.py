@@ -14,19 +14,11 @@ from enum import Enum
 from importlib import import_module
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
+from semmap_log import errors
 from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.core.folds.projection import Dumping, Mergeable, Projection, name_of, version_of
 from semmap_log.core.io.disk import utf8_text
 from semmap_log.core.io.url_path import place_of
-from semmap_log.errors import (
-    CorruptLogError,
-    EngineError,
-    LogAccessError,
-    MomentError,
-    NewerLogError,
-    NotALogError,
-    SemmapError,
-)
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.replay.plain_state import dump_plain, load_plain
 from semmap_log.store.reading.reader import LogReader
@@ -289,17 +281,19 @@ def projection_of(target: str) -> Projection[Any]:
     """
     module, colon, name = target.partition(":")
     if not (module and colon and name):
-        raise EngineError(f"--fold {target}: expected module:Class, such as openings:Openings.")
+        raise errors.EngineError(
+            f"--fold {target}: expected module:Class, such as openings:Openings."
+        )
     if "" not in sys.path:
         sys.path.insert(0, "")
     try:
         found = getattr(import_module(module), name)
         projection: Projection[Any] = found() if isinstance(found, type) else found
     except (ImportError, AttributeError, TypeError) as error:
-        raise EngineError(f"--fold {target}: cannot be had: {error}.") from None
+        raise errors.EngineError(f"--fold {target}: cannot be had: {error}.") from None
     missing = [each for each in ("initial", "apply") if not callable(getattr(projection, each, 0))]
     if missing:
-        raise EngineError(
+        raise errors.EngineError(
             f"--fold {target}: expected a projection, which has initial() and apply(state, batch); "
             f"got a {type(projection).__name__} without {' and '.join(missing)}."
         )
@@ -365,7 +359,7 @@ def _answer(job: Job, question: LogQuestion) -> LogAnswer:
         asked = _described(asked, reader)
         return _answered(job, question, reader, asked)
     except Exception as error:  # noqa: BLE001  as above
-        is_wrong = isinstance(error, MomentError)
+        is_wrong = isinstance(error, errors.MomentError)
         return LogAnswer(_without(asked, error), is_question_wrong=is_wrong)
 
 
@@ -402,10 +396,10 @@ def _described(asked: QueriedLog, reader: LogReader) -> QueriedLog:
 
 
 _OUTCOMES: tuple[tuple[type[Exception], LogOutcome], ...] = (
-    (CorruptLogError, LogOutcome.damaged),
-    (NewerLogError, LogOutcome.newer),
-    (NotALogError, LogOutcome.gone),
-    (LogAccessError, LogOutcome.refused),
+    (errors.CorruptLogError, LogOutcome.damaged),
+    (errors.NewerLogError, LogOutcome.newer),
+    (errors.NotALogError, LogOutcome.gone),
+    (errors.LogAccessError, LogOutcome.refused),
 )
 
 
@@ -415,8 +409,10 @@ def _without(asked: QueriedLog, error: Exception) -> QueriedLog:
     why = error.__cause__ or error.__context__
     if found is LogOutcome.refused and isinstance(why, FileNotFoundError):
         found = LogOutcome.gone
-    text = str(error) if isinstance(error, SemmapError) else f"{type(error).__name__}: {error}"
+    text = (
+        str(error) if isinstance(error, errors.SemmapError) else f"{type(error).__name__}: {error}"
+    )
     file, byte = "", None
-    if isinstance(error, CorruptLogError):
+    if isinstance(error, errors.CorruptLogError):
         file, byte = error.path.name, error.offset
     return replace(asked, outcome=found, text=text, file=file, byte=byte)

@@ -19,13 +19,8 @@ from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.errors import FormatError, NotALogError
+from semmap_log.fleet.jobs import lake_folder
 from semmap_log.fleet.jobs.job import Holds, Told
-from semmap_log.fleet.jobs.lake_folder import (
-    EVENT_COLUMNS,
-    LAKE_FILE_FIELDS,
-    LAKE_SCHEMA,
-    LakeFolder,
-)
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.store.reading.window import Window
 
@@ -143,7 +138,7 @@ class MonthExport:
 
     name: ClassVar[str] = "export"
     holds: ClassVar[Holds] = Holds.never
-    fields: ClassVar[tuple[pa.Field, ...]] = LAKE_FILE_FIELDS
+    fields: ClassVar[tuple[pa.Field, ...]] = lake_folder.LAKE_FILE_FIELDS
 
     def parameters(self) -> str:
         """Return where to."""
@@ -158,7 +153,7 @@ class MonthExport:
         tables = _MonthTables(log)
         found: list[tuple[str, str, int, int]] = []
         for month in _months_of(log):
-            events, size = LakeFolder(self.out, month).put(name, tables.of(month))
+            events, size = lake_folder.LakeFolder(self.out, month).put(name, tables.of(month))
             if events:
                 found.append((month, name, events, size))
         columns = map(list, zip(*found, strict=True))
@@ -181,7 +176,7 @@ class _MonthTables:
             before_event=self._limit + 1,
             only_kept=True,
         )
-        names = [column.name for column in EVENT_COLUMNS]
+        names = [column.name for column in lake_folder.EVENT_COLUMNS]
         for table in self._log.tables_in(window, columns=names, limit=self._limit):
             yield _as_lake(table, self._log.info.log_id)
 
@@ -189,8 +184,11 @@ class _MonthTables:
 def _as_lake(table: pa.Table, log_id: str) -> pa.Table:
     columns = [pa.array([log_id] * table.num_rows, pa.string()), *table.columns]
     return pa.Table.from_arrays(
-        [column.cast(field.type) for column, field in zip(columns, LAKE_SCHEMA, strict=True)],
-        schema=LAKE_SCHEMA,
+        [
+            column.cast(field.type)
+            for column, field in zip(columns, lake_folder.LAKE_SCHEMA, strict=True)
+        ],
+        schema=lake_folder.LAKE_SCHEMA,
     )
 
 

@@ -24,18 +24,9 @@ from semmap_log.core.io.object_cache import VARIABLE
 from semmap_log.core.io.url_path import place_of
 from semmap_log.core.model.rigid_transform import RigidTransform
 from semmap_log.errors import LogAccessError, LogError
+from semmap_log.fleet.join import joined_logs
 from semmap_log.fleet.join.door_plan import plan_doors
 from semmap_log.fleet.join.join_building import build_join
-from semmap_log.fleet.join.joined_logs import (
-    DoorRow,
-    JoinDefinition,
-    JoinedLogs,
-    JoinedPlace,
-    log_called,
-    open_joined,
-    read_definition,
-    read_door_rows,
-)
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.reading.reader import LogReader
@@ -55,7 +46,7 @@ Frames = Mapping[str, tuple[float, float, float]]
 class JoinedView:
     """The folder of a view; unless it is in a cache, it is removed with this object."""
 
-    def __init__(self, joined: JoinedLogs, cache: Path | None) -> None:
+    def __init__(self, joined: joined_logs.JoinedLogs, cache: Path | None) -> None:
         """Find the view of some logs, or make it.
 
         Raises:
@@ -75,7 +66,7 @@ class JoinedView:
             _build_and_rename(joined, self.path, seed)
 
 
-def _build_and_rename(joined: JoinedLogs, path: Path, seed: bytes) -> None:
+def _build_and_rename(joined: joined_logs.JoinedLogs, path: Path, seed: bytes) -> None:
     """Make a view under another name, then rename it; another process may have been quicker."""
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -92,7 +83,7 @@ def _build_and_rename(joined: JoinedLogs, path: Path, seed: bytes) -> None:
             raise LogAccessError(f"{path}: no view can be there: {error.strerror}.") from error
 
 
-def seed_of(joined: JoinedLogs) -> bytes:
+def seed_of(joined: joined_logs.JoinedLogs) -> bytes:
     """Return the hash that identifies a view: of the definition and each log's head."""
     told = [
         VIEW_VERSION,
@@ -110,7 +101,7 @@ def _listed(frame: RigidTransform | None) -> list[float] | None:
     return None if frame is None else frame.as_list()
 
 
-def _write_log_ids(joined: JoinedLogs, view: Path) -> None:
+def _write_log_ids(joined: joined_logs.JoinedLogs, view: Path) -> None:
     """Write into a view which logs it is of."""
     (view / LOGS_NAME).write_text("\n".join(log.log_id for log in joined.logs), "ascii")
 
@@ -137,7 +128,7 @@ _views: weakref.WeakValueDictionary[tuple[bytes, Path | None], JoinedView] = (
 """The views that are being read: requested twice, a view is made once."""
 
 
-def view_of(joined: JoinedLogs, cache: Path | None = None) -> JoinedView:
+def view_of(joined: joined_logs.JoinedLogs, cache: Path | None = None) -> JoinedView:
     """Return the view of some logs, made now or before.
 
     Args:
@@ -155,7 +146,7 @@ def view_of(joined: JoinedLogs, cache: Path | None = None) -> JoinedView:
 
 def view_of_file(path: Path) -> JoinedView:
     """Return the view of a definition, as its logs are now."""
-    return view_of(open_joined(read_definition(path)))
+    return view_of(joined_logs.open_joined(joined_logs.read_definition(path)))
 
 
 def join(
@@ -183,7 +174,9 @@ def join(
         LogError: A log cannot be read, or two are forks of one.
         FormatError: The table names a missing log or door, or a door twice.
     """
-    joined = open_joined(defined(logs, doors=doors, frames=frames or {}, reference=reference or ""))
+    joined = joined_logs.open_joined(
+        defined(logs, doors=doors, frames=frames or {}, reference=reference or "")
+    )
     view = view_of(joined, None if cache is None else Path(cache).absolute())
     return DoorLog(LogReader(LogFolder(view.path, made=view)))
 
@@ -194,13 +187,16 @@ def defined(
     doors: str | Path | Iterable[tuple[str, str, str]] | None = None,
     frames: Frames,
     reference: str = "",
-) -> JoinDefinition:
+) -> joined_logs.JoinDefinition:
     """Return a definition with all names and ids, as for `join`."""
     named = logs.items() if isinstance(logs, Mapping) else (("", log) for log in logs)
-    places = tuple(JoinedPlace(_absolute(place_of(log)), name) for name, log in named)
+    places = tuple(joined_logs.JoinedPlace(_absolute(place_of(log)), name) for name, log in named)
     rows, rows_from = _rows(doors)
-    opened = open_joined(JoinDefinition(places, rows, reference, rows_from))
-    told = {log_called(name, opened.logs).name: RigidTransform(*at) for name, at in frames.items()}
+    opened = joined_logs.open_joined(joined_logs.JoinDefinition(places, rows, reference, rows_from))
+    told = {
+        joined_logs.log_called(name, opened.logs).name: RigidTransform(*at)
+        for name, at in frames.items()
+    }
     found = tuple(
         replace(one, frame=told.get(one.name, _own_frame(one, opened)))
         for one in opened.definition.logs
@@ -208,7 +204,9 @@ def defined(
     return replace(opened.definition, logs=found, doors_from=rows_from)
 
 
-def _own_frame(one: JoinedPlace, opened: JoinedLogs) -> RigidTransform | None:
+def _own_frame(
+    one: joined_logs.JoinedPlace, opened: joined_logs.JoinedLogs
+) -> RigidTransform | None:
     is_reference = one.name == opened.reference.name
     return None if is_reference and one.frame == RigidTransform() else one.frame
 
@@ -219,9 +217,9 @@ def _absolute(place: PurePath) -> PurePath:
 
 def _rows(
     doors: str | Path | Iterable[tuple[str, str, str]] | None,
-) -> tuple[tuple[DoorRow, ...], str]:
+) -> tuple[tuple[joined_logs.DoorRow, ...], str]:
     if doors is None:
         return (), ""
     if isinstance(doors, (str, Path)):
-        return tuple(read_door_rows(Path(doors))), str(doors)
-    return tuple(DoorRow(*row) for row in doors), ""
+        return tuple(joined_logs.read_door_rows(Path(doors))), str(doors)
+    return tuple(joined_logs.DoorRow(*row) for row in doors), ""

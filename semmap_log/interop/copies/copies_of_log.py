@@ -36,16 +36,7 @@ from semmap_log.interop.formats.kept_scans.writing import (
 )
 from semmap_log.log.replay.read_model.events_about import FOLDER as INDEX_FOLDER
 from semmap_log.log.replay.read_model.indexing import remove_stale_tables_alone
-from semmap_log.store.byte_layout import (
-    BAG_METADATA_NAME,
-    KEPT_SUFFIX,
-    LOCK_NAME,
-    RECOVERING_NAME,
-    REMOVED_NAME,
-    TORN_SUFFIX,
-    is_mark_name,
-    is_temporary,
-)
+from semmap_log.store import byte_layout
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.removed_part import read_removed_part
@@ -150,10 +141,10 @@ def _in_folder(log: Path, *, is_trimmed: bool) -> Iterator[Copy]:
             if is_trimmed:
                 yield Copy(path, "index", Action.REMOVED, "tables of segments that lost something",
                            partial(remove_stale_tables_alone, log))  # fmt: skip
-        elif is_temporary(name):
+        elif byte_layout.is_temporary(name):
             yield Copy(path, "temporary", Action.REMOVED, "a file that a killed writer has left",
                        path.unlink, is_writers=True)  # fmt: skip
-        elif TORN_SUFFIX in name:
+        elif byte_layout.TORN_SUFFIX in name:
             yield _left(path, "torn", f"what a crash left after the last whole commit; {_LOOK}")
         elif name.startswith("damaged-"):
             yield _left(path, "damaged", f"the log as it was before `recover`; {_LOOK}")
@@ -163,9 +154,16 @@ def _in_folder(log: Path, *, is_trimmed: bool) -> Iterator[Copy]:
 
 def _is_of_log(name: str) -> bool:
     return (
-        name.endswith((".mcap", KEPT_SUFFIX))
-        or name in (BAG_METADATA_NAME, REMOVED_NAME, LOCK_NAME, RECOVERING_NAME, _SIGNATURES)
-        or is_mark_name(name)
+        name.endswith((".mcap", byte_layout.KEPT_SUFFIX))
+        or name
+        in (
+            byte_layout.BAG_METADATA_NAME,
+            byte_layout.REMOVED_NAME,
+            byte_layout.LOCK_NAME,
+            byte_layout.RECOVERING_NAME,
+            _SIGNATURES,
+        )
+        or byte_layout.is_mark_name(name)
     )
 
 

@@ -31,15 +31,9 @@ from semmap_log.errors import CommandError, FormatError, UnknownLevelError
 from semmap_log.interop.exporting.costmap_files import write_costmap
 from semmap_log.interop.exporting.stream import StreamOptions, log_stream
 from semmap_log.interop.formats.bags.bag_reading import bytes_of, new_bag, ros_version_of
+from semmap_log.interop.formats.files import pddl
 from semmap_log.interop.formats.files.door_csv import dump_door_csv, sighting_of
 from semmap_log.interop.formats.files.geojson import dump_geojson
-from semmap_log.interop.formats.files.pddl import (
-    Likely,
-    PddlProblem,
-    Wishes,
-    dump_domain,
-    rooms_between,
-)
 from semmap_log.interop.formats.files.thesis_yaml import dump_thesis_yaml
 from semmap_log.interop.formats.json.door_json import line_to_json
 from semmap_log.interop.formats.ros.door_messages import is_drawn
@@ -72,7 +66,7 @@ def export(
     scope: Scope = Scope(),
     *,
     default_prob: float | None = None,
-    wishes: Wishes = Wishes(),
+    wishes: pddl.Wishes = pddl.Wishes(),
     domain: Path | None = None,
     object_class: str | None = None,
     progress: Progress | None = None,
@@ -123,7 +117,7 @@ def export(
 
 
 def _write_domain(
-    files: ExitStack, log: DoorLog, domain: Path, problem: Path, wishes: Wishes
+    files: ExitStack, log: DoorLog, domain: Path, problem: Path, wishes: pddl.Wishes
 ) -> None:
     """Write the domain of planning problems; it takes its name when the problem has its own."""
     check_outside_log(log.path, domain)
@@ -131,14 +125,14 @@ def _write_domain(
         raise CommandError(f"{domain}: expected two files, one for the domain, got one.")
     files.enter_context(output_errors(domain))
     temporary = files.enter_context(atomic_file(domain))
-    temporary.write_text(dump_domain(with_costs=wishes.with_costs), encoding="ascii")
+    temporary.write_text(pddl.dump_domain(with_costs=wishes.with_costs), encoding="ascii")
 
 
 def _pddl(
     log: DoorLog,
     path: Path,
     scope: Scope,
-    wishes: Wishes,
+    wishes: pddl.Wishes,
     *,
     default_prob: float | None,
     progress: Progress | None,
@@ -374,7 +368,7 @@ class PlanningProblem:
 def planning_problem(
     log: DoorLog,
     scope: Scope,
-    wishes: Wishes,
+    wishes: pddl.Wishes,
     about: Mapping[str, str],
     *,
     default_prob: float | None = None,
@@ -398,7 +392,7 @@ def planning_problem(
     if default_prob is not None and not 0 <= default_prob <= 1:
         raise CommandError(f"--default-prob: expected a number from 0 to 1, got {default_prob!r}.")
     door_map = only_doors(log.replay(scope.at_ns, scope.known_at_ns, scope.event))
-    problem = PddlProblem.of(door_map)
+    problem = pddl.PddlProblem.of(door_map)
     likely = _likely(log, scope, door_map, default_prob, progress) if len(door_map) else {}
     text = problem.dump(likely, about, wishes)
     notes = (
@@ -419,7 +413,7 @@ def _likely(
     door_map: DoorMap,
     default_prob: float | None,
     progress: Progress | None,
-) -> dict[DoorId, Likely]:
+) -> dict[DoorId, pddl.Likely]:
     known_at = Moment(ns=scope.known_at_ns)
     if scope.event is not None:
         known_at = Moment(event=log.limit_of(scope))
@@ -431,7 +425,7 @@ def _likely(
         progress=progress,
     )
     return {
-        each.door.door_id: Likely(
+        each.door.door_id: pddl.Likely(
             default_prob if not each.is_known and default_prob is not None else each.p_open,
             each.is_known,
         )
@@ -439,7 +433,9 @@ def _likely(
     }
 
 
-def _unknown(door_map: DoorMap, likely: Mapping[DoorId, Likely], default_prob: float | None) -> str:
+def _unknown(
+    door_map: DoorMap, likely: Mapping[DoorId, pddl.Likely], default_prob: float | None
+) -> str:
     """Say of which doors too little was seen; "": none."""
     unknown = [door_id for door_id, each in likely.items() if not each.is_known]
     if not unknown:
@@ -452,7 +448,7 @@ def _unknown(door_map: DoorMap, likely: Mapping[DoorId, Likely], default_prob: f
 
 def _without_rooms(door_map: DoorMap) -> str:
     """Say which doors lead nowhere; "": none."""
-    alone = [door.door_id for door in door_map.doors.values() if rooms_between(door) is None]
+    alone = [door.door_id for door in door_map.doors.values() if pddl.rooms_between(door) is None]
     if not alone:
         return ""
     return (

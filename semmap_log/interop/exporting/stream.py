@@ -25,39 +25,13 @@ from numpy.typing import NDArray
 from semmap_log.core.batches.event_batch import Retractions
 from semmap_log.core.folds.history import HistoryEntry, history
 from semmap_log.core.io.progress import Progress
+from semmap_log.core.model import events as ev
 from semmap_log.core.model.doors import DOOR, DoorId, DoorMap
-from semmap_log.core.model.events import (
-    ADDING_KINDS,
-    POSE_KINDS,
-    ClassDefined,
-    DoorEvent,
-    FloorMap,
-    LevelAdded,
-    RobotPose,
-)
 from semmap_log.core.model.moments import check_ordered
-from semmap_log.interop.exporting.stream_topics import (
-    LatestDoors,
-    LevelDoors,
-    ThesisDoors,
-    WholeTopic,
-    heights_of,
-)
+from semmap_log.interop.exporting import stream_topics
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
+from semmap_log.interop.formats.ros import ros_types
 from semmap_log.interop.formats.ros.door_messages import DoorMarkers, ThesisMessages, grid_message
-from semmap_log.interop.formats.ros.ros_types import (
-    DOOR_MAP,
-    GRID,
-    MARKERS,
-    POSE_STAMPED,
-    LogLine,
-    Messages,
-    RosVersion,
-    encoded,
-    log_message,
-    log_type,
-    pose_message,
-)
 from semmap_log.log.door_log.clock_warnings import warn_of_clock
 from semmap_log.log.door_log.door_log import DoorLog, Time
 from semmap_log.store.reading.window import Window
@@ -98,7 +72,7 @@ class LogStream:
     log: DoorLog
     options: StreamOptions
     plan: StreamPlan
-    ros_version: RosVersion
+    ros_version: ros_types.RosVersion
     since_ns: int | None
     """The first messages show this moment; None: the first event's, of a log without a horizon."""
     before: DoorMap
@@ -149,7 +123,7 @@ def log_stream(
     log: DoorLog,
     options: StreamOptions = StreamOptions(),
     *,
-    ros_version: RosVersion,
+    ros_version: ros_types.RosVersion,
     since: Time = None,
     until: Time = None,
 ) -> LogStream:
@@ -196,21 +170,25 @@ class _Fold:
         self._counts: Counter[BagTopic] = Counter()
         self._plan = plan
         self._version = version
-        self._messages = Messages(version)
-        self._table = LatestDoors.of(before)
-        self._heights = heights_of(self._table, plan.levels)
+        self._messages = ros_types.Messages(version)
+        self._table = stream_topics.LatestDoors.of(before)
+        self._heights = stream_topics.heights_of(self._table, plan.levels)
         self._floors = {level: floor for level in plan.floors
                         if (floor := log.floor_of(before, level)) is not None}  # fmt: skip
         markers = DoorMarkers(version)
         shown = plan.doors if plan.markers else ()
-        self._levels = [LevelDoors(markers, level, options.palette) for level in shown]
-        self._thesis = ThesisDoors(ThesisMessages(version, options.default_prob))
+        self._levels = [
+            stream_topics.LevelDoors(markers, level, options.palette) for level in shown
+        ]
+        self._thesis = stream_topics.ThesisDoors(ThesisMessages(version, options.default_prob))
         every_ns = round(plan.every_s * 1e9)
         self._of_levels = [
-            WholeTopic(self._send, plan.doors[doors.level], every_ns, doors.message)
+            stream_topics.WholeTopic(self._send, plan.doors[doors.level], every_ns, doors.message)
             for doors in self._levels
         ]
-        self._of_thesis = WholeTopic(self._send, THESIS, every_ns, self._thesis.message)
+        self._of_thesis = stream_topics.WholeTopic(
+            self._send, THESIS, every_ns, self._thesis.message
+        )
         self._names = log.door_names()
         self._new_floors = set(self._floors)
         """Levels of which the plan is another than the last that was sent, or lies elsewhere."""
@@ -236,20 +214,20 @@ class _Fold:
 
     def _take(self, at_ns: int, entry: HistoryEntry) -> None:
         event = entry.event
-        if isinstance(event, RobotPose):
+        if isinstance(event, ev.RobotPose):
             self._send_robot(at_ns, event)
             return
         if self._plan.markers:
             self._send_words(at_ns, entry)
         has_changed = self._table.take(event)
-        if isinstance(event, FloorMap):
+        if isinstance(event, ev.FloorMap):
             self._floors[event.level] = event
             self._new_floors.add(event.level)
-        elif has_changed and isinstance(event, DoorEvent):
+        elif has_changed and isinstance(event, ev.DoorEvent):
             self._show(event.door_id)
-        elif isinstance(event, ClassDefined):
+        elif isinstance(event, ev.ClassDefined):
             self._show_all()
-        elif isinstance(event, LevelAdded):
+        elif isinstance(event, ev.LevelAdded):
             self._raise_levels()
 
     def _show_all(self) -> None:
@@ -264,7 +242,10 @@ class _Fold:
 
     def _raise_levels(self) -> None:
         """Put levels of which the height became known where they belong."""
-        before, self._heights = self._heights, heights_of(self._table, self._plan.levels)
+        before, self._heights = (
+            self._heights,
+            stream_topics.heights_of(self._table, self._plan.levels),
+        )
         self._new_floors |= {n for n in self._floors if self._heights[n] != before[n]}
         if self._heights != before:
             self._show_all()
@@ -284,7 +265,7 @@ class _Fold:
             topic.send_if_due(at_ns)
         self._last_ns = at_ns
 
-    def _arrays(self) -> Iterator[WholeTopic]:
+    def _arrays(self) -> Iterator[stream_topics.WholeTopic]:
         yield from self._of_levels
         yield self._of_thesis
 
@@ -298,18 +279,20 @@ class _Fold:
         )
         self._send_message(topic, at_ns, grid)
 
-    def _send_robot(self, at_ns: int, pose: RobotPose) -> None:
+    def _send_robot(self, at_ns: int, pose: ev.RobotPose) -> None:
         number, z = self._counts[ROBOT], self._heights.get(pose.level, 0.0)
-        self._send_message(ROBOT, at_ns, pose_message(self._messages, at_ns, number, pose, z))
+        self._send_message(
+            ROBOT, at_ns, ros_types.pose_message(self._messages, at_ns, number, pose, z)
+        )
 
     def _send_words(self, at_ns: int, entry: HistoryEntry) -> None:
         topic = self._plan.events
         number = self._counts[topic]
         self._send_message(
-            topic, at_ns, log_message(self._messages, at_ns, number, self._line(entry))
+            topic, at_ns, ros_types.log_message(self._messages, at_ns, number, self._line(entry))
         )
 
-    def _line(self, entry: HistoryEntry) -> LogLine:
+    def _line(self, entry: HistoryEntry) -> ros_types.LogLine:
         """Return an event in words: the door is the node, the event's kind the function."""
         said = ": ".join(text for text in (entry.actor, entry.reason) if text)
         door_id = entry.door_id
@@ -317,18 +300,20 @@ class _Fold:
         words = words_of(entry.event, DOOR if known is None else known.object_class)
         text = words + (f" [{said}]" if said else "")
         name = "semmap" if door_id is None else self._names.get(door_id, f"door {door_id}")
-        return LogLine(printable(name), printable(text), entry.source, entry.kind, entry.number)
+        return ros_types.LogLine(
+            printable(name), printable(text), entry.source, entry.kind, entry.number
+        )
 
     def _send_message(self, topic: BagTopic, at_ns: int, message: Any) -> None:
-        self._send(topic, at_ns, encoded(self._version, message, topic.ros_type))
+        self._send(topic, at_ns, ros_types.encoded(self._version, message, topic.ros_type))
 
     def _send(self, topic: BagTopic, at_ns: int, data: bytes) -> None:
         self._out.append(StreamMessage(topic, at_ns, data))
         self._counts[topic] += 1
 
 
-ROBOT = BagTopic("/semmap/robot_pose", POSE_STAMPED, is_latched=False)
-THESIS = BagTopic("/lta_semantic_map_door_db", DOOR_MAP, is_latched=True)
+ROBOT = BagTopic("/semmap/robot_pose", ros_types.POSE_STAMPED, is_latched=False)
+THESIS = BagTopic("/lta_semantic_map_door_db", ros_types.DOOR_MAP, is_latched=True)
 
 EVERY_S = (0, 1, 10, 60, 600, 3600, 86_400)
 """How far whole arrays may lie apart: of these the first with which there are not too many."""
@@ -369,7 +354,7 @@ def plan_of(
     before: DoorMap,
     times: Times,
     *,
-    ros_version: RosVersion,
+    ros_version: ros_types.RosVersion,
     markers: bool,
     every_s: float | None,
 ) -> StreamPlan:
@@ -389,15 +374,15 @@ def plan_of(
     changes = [np.empty(0, np.int64)]
     if len(times):
         for batch in log.batches(int(times[0]), int(times[-1]) + 1):
-            has_robot |= RobotPose in batch
-            count += sum(len(batch.where(kind)) for kind in ADDING_KINDS)
+            has_robot |= ev.RobotPose in batch
+            count += sum(len(batch.where(kind)) for kind in ev.ADDING_KINDS)
             changes.append(batch.folds_ns[batch.about_doors()])
             floors |= {
                 each.level
-                for each in batch.objects.get(FloorMap.kind, ())
-                if isinstance(each, FloorMap)
+                for each in batch.objects.get(ev.FloorMap.kind, ())
+                if isinstance(each, ev.FloorMap)
             }
-            for kind in POSE_KINDS:
+            for kind in ev.POSE_KINDS:
                 if kind in batch:
                     rows = batch[kind]
                     doors.update(rows["level"][np.isfinite(rows["x"])].tolist())
@@ -411,9 +396,15 @@ def plan_of(
 
     if every_s is None:
         every_s = 0 if not markers else _every_s(np.sort(np.concatenate(changes)), count)
-    events = BagTopic("/semmap/events", log_type(ros_version), is_latched=False)
-    return StreamPlan(topics("/map", GRID, floors), topics("/semmap/doors", MARKERS, doors or {0}),
-                 events, has_robot, every_s, markers)  # fmt: skip
+    events = BagTopic("/semmap/events", ros_types.log_type(ros_version), is_latched=False)
+    return StreamPlan(
+        topics("/map", ros_types.GRID, floors),
+        topics("/semmap/doors", ros_types.MARKERS, doors or {0}),
+        events,
+        has_robot,
+        every_s,
+        markers,
+    )
 
 
 def _every_s(times: Times, doors: int) -> float:

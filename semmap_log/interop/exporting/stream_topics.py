@@ -10,27 +10,11 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from semmap_log.core.model.doors import (
-    CLASS,
-    DOOR,
-    NAN,
-    Door,
-    DoorId,
-    DoorMap,
-    DoorState,
-    Geometry,
-    ObjectClass,
-)
+from semmap_log.core.model import doors as door_model
 from semmap_log.core.model.events import ClassDefined, DoorAnnotated, DoorEvent, Event, LevelAdded
 from semmap_log.core.model.meaning import Presence
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
-from semmap_log.interop.formats.ros.door_messages import (
-    DoorLook,
-    DoorMarkers,
-    EncodedElement,
-    ThesisMessages,
-    is_drawn,
-)
+from semmap_log.interop.formats.ros import door_messages
 from semmap_log.interop.formats.ros.ros_types import check_stamp
 from semmap_log.views.palette import Palette
 
@@ -78,22 +62,22 @@ class WholeTopic:
 
 @dataclass(slots=True)
 class _Shown:
-    look: DoorLook
-    parts: tuple[EncodedElement, ...]
+    look: door_messages.DoorLook
+    parts: tuple[door_messages.EncodedElement, ...]
 
 
 class LevelDoors:
     """The doors of a level as markers; those that did not change are not encoded again."""
 
-    def __init__(self, markers: DoorMarkers, level: int, palette: Palette) -> None:
+    def __init__(self, markers: door_messages.DoorMarkers, level: int, palette: Palette) -> None:
         self.level = level
         self._markers = markers
         self._palette = palette
-        self._shown: dict[DoorId, _Shown] = {}
+        self._shown: dict[door_model.DoorId, _Shown] = {}
 
-    def show(self, door_id: DoorId, door: Door | None, z: float) -> bool:
+    def show(self, door_id: door_model.DoorId, door: door_model.Door | None, z: float) -> bool:
         """Show a door as it is now, on this level or not; return whether that changes anything."""
-        if door is None or door.level != self.level or not is_drawn(door):
+        if door is None or door.level != self.level or not door_messages.is_drawn(door):
             return self._shown.pop(door_id, None) is not None
         look = self._look(door, z)
         shown = self._shown.get(door_id)
@@ -106,10 +90,10 @@ class LevelDoors:
         """Return the MarkerArray, ids ascending."""
         return self._markers.message(self._shown[door].parts for door in sorted(self._shown))
 
-    def _look(self, door: Door, z: float) -> DoorLook:
-        is_line = door.object_class.geometry is Geometry.SEGMENT
+    def _look(self, door: door_model.Door, z: float) -> door_messages.DoorLook:
+        is_line = door.object_class.geometry is door_model.Geometry.SEGMENT
         width = door.width if is_line else 0.0
-        return DoorLook(
+        return door_messages.DoorLook(
             door.door_id, (door.x, door.y), door.theta, width, z, door.label,
             self._palette.of_state(door.state), self._palette.text_of_state(door.state),
             door.outline,
@@ -119,11 +103,11 @@ class LevelDoors:
 class ThesisDoors:
     """All doors that have a place, as the thesis's message; what is no door, it does not know."""
 
-    def __init__(self, messages: ThesisMessages) -> None:
+    def __init__(self, messages: door_messages.ThesisMessages) -> None:
         self._messages = messages
-        self._entries: dict[DoorId, EncodedElement] = {}
+        self._entries: dict[door_model.DoorId, door_messages.EncodedElement] = {}
 
-    def show(self, door_id: DoorId, door: Door | None) -> bool:
+    def show(self, door_id: door_model.DoorId, door: door_model.Door | None) -> bool:
         """Show a door as it is now; return whether that changes anything."""
         if door is None or not door.is_placed or not door.object_class.is_door:
             return self._entries.pop(door_id, None) is not None
@@ -153,13 +137,13 @@ def heights_of(doors: LatestDoors, levels: Mapping[int, object]) -> dict[int, fl
 class LatestDoors:
     """Doors and heights of levels at a moment. `DoorMapState` is the same for any order."""
 
-    doors: dict[DoorId, Door] = field(default_factory=dict)
+    doors: dict[door_model.DoorId, door_model.Door] = field(default_factory=dict)
     elevations: dict[int, float] = field(default_factory=dict)
     """Level -> metres, or NaN."""
-    classes: dict[str, ObjectClass] = field(default_factory=dict)
+    classes: dict[str, door_model.ObjectClass] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, door_map: DoorMap) -> LatestDoors:
+    def of(cls, door_map: door_model.DoorMap) -> LatestDoors:
         """Return the doors of a replay."""
         levels = door_map.levels.values()
         elevations = {level.level: level.elevation for level in levels}
@@ -186,11 +170,16 @@ class LatestDoors:
             self.doors[event.door_id] = after
         return after is not before
 
-    def _of_its_class(self, door: Door) -> Door:
-        return replace(door, object_class=self.classes.get(door.annotations.get(CLASS, ""), DOOR))
+    def _of_its_class(self, door: door_model.Door) -> door_model.Door:
+        return replace(
+            door,
+            object_class=self.classes.get(
+                door.annotations.get(door_model.CLASS, ""), door_model.DOOR
+            ),
+        )
 
 
-def _after(door: Door | None, event: DoorEvent) -> Door | None:
+def _after(door: door_model.Door | None, event: DoorEvent) -> door_model.Door | None:
     """Return a door after an event about it; None: it is not in the map."""
     presence = event.effect.presence
     if presence is Presence.COMES:
@@ -206,5 +195,15 @@ def _after(door: Door | None, event: DoorEvent) -> Door | None:
     return replace(door, **values) if values else door
 
 
-def _unknown(door_id: DoorId) -> Door:
-    return Door(door_id, 0, NAN, NAN, NAN, NAN, DoorState.UNKNOWN, NAN, NAN)
+def _unknown(door_id: door_model.DoorId) -> door_model.Door:
+    return door_model.Door(
+        door_id,
+        0,
+        door_model.NAN,
+        door_model.NAN,
+        door_model.NAN,
+        door_model.NAN,
+        door_model.DoorState.UNKNOWN,
+        door_model.NAN,
+        door_model.NAN,
+    )

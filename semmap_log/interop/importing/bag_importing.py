@@ -21,18 +21,8 @@ from semmap_log.analysis.scans.visit import DoorPlaces, Visit
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_changes import STATE, STATE_CHANGE, known_states, parts_of
 from semmap_log.core.io.progress import Progress
+from semmap_log.core.model import events as ev
 from semmap_log.core.model.doors import DoorState
-from semmap_log.core.model.events import (
-    STATE_KINDS,
-    DoorAdded,
-    DoorAnnotated,
-    DoorObserved,
-    DoorPassed,
-    DoorRemoved,
-    DoorUpdated,
-    Event,
-    RobotPose,
-)
 from semmap_log.core.model.meaning import PLACING, sets_part
 from semmap_log.core.model.moments import HOUR_NS
 from semmap_log.errors import FormatError
@@ -76,7 +66,7 @@ def plan_bag(
         CommandError: A level that is not there, or that has to be named.
     """
     passage = _Passage.of(path, log, mapping, source, progress)
-    kept: list[Event] | None = []
+    kept: list[ev.Event] | None = []
     weight = count = 0
     for event in passage.events():
         count += 1
@@ -131,7 +121,7 @@ class _BagEvents:
     source: str
     count: int
 
-    def __iter__(self) -> Iterator[Event]:
+    def __iter__(self) -> Iterator[ev.Event]:
         count = 0
         for event in _Passage.of(self.path, self.log, self.mapping, self.source).events():
             count += 1
@@ -166,14 +156,14 @@ class _Passage:
         held = HeldSightings(log, source=source)
         return cls(path, Known.of(log), mapping, held, progress)
 
-    def events(self) -> Iterator[Event]:
+    def events(self) -> Iterator[ev.Event]:
         """Yield the events that the log does not hold."""
         for event in self.held.left(self._all_events()):
             kind = type(event).__name__
             self.made[kind] = self.made.get(kind, 0) + 1
             yield event
 
-    def _all_events(self) -> Iterator[Event]:
+    def _all_events(self) -> Iterator[ev.Event]:
         translator = Translator(self.mapping, self.known, self.complaints)
         with open_bag(self.path) as bag:
             channels = self._read_channels(bag, translator)
@@ -243,8 +233,8 @@ MOST_TOPICS = 20
 
 SAME_PLACE_M = 1.0
 """Two robots are not so near to each other at one moment."""
-_KINDS = (RobotPose, DoorObserved, DoorPassed)
-_Key = tuple[str, str, int, type[Event]]
+_KINDS = (ev.RobotPose, ev.DoorObserved, ev.DoorPassed)
+_Key = tuple[str, str, int, type[ev.Event]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,7 +255,9 @@ class SeenBefore:
     commands: frozenset[bytes]
     told: Mapping[_Key, Sequence[int]]
     """Actor, source, door and kind -> when, nanoseconds, ascending."""
-    from_where: Mapping[tuple[int, type[Event]], Sequence[RobotPose]] = field(default_factory=dict)
+    from_where: Mapping[tuple[int, type[ev.Event]], Sequence[ev.RobotPose]] = field(
+        default_factory=dict
+    )
     """Door and kind -> where a robot was when its laser reported that."""
 
     @classmethod
@@ -273,18 +265,18 @@ class SeenBefore:
         """Return what a log has that may be some of these visits."""
         if not visits:
             return cls(frozenset(), {})
-        poses: dict[tuple[bytes, int], RobotPose] = {}
-        from_where: dict[tuple[int, type[Event]], list[RobotPose]] = {}
+        poses: dict[tuple[bytes, int], ev.RobotPose] = {}
+        from_where: dict[tuple[int, type[ev.Event]], list[ev.RobotPose]] = {}
         told: dict[_Key, list[int]] = {}
         commands: set[bytes] = set()
         since = min(each.visit.first_ns for each in visits) - ONE_PASSAGE_NS
         until = max(each.visit.last_ns for each in visits) + ONE_PASSAGE_NS + 1
         for entry in log.history(since=since, until=until, kinds=_KINDS):
             event = entry.event
-            if isinstance(event, RobotPose):  # before what was seen from there
+            if isinstance(event, ev.RobotPose):  # before what was seen from there
                 poses[entry.command_id, entry.happened_ns] = event
                 continue
-            assert isinstance(event, DoorObserved | DoorPassed)
+            assert isinstance(event, ev.DoorObserved | ev.DoorPassed)
             commands.add(entry.command_id)
             key = (entry.actor, entry.source, event.door_id, type(event))
             told.setdefault(key, []).append(entry.happened_ns)
@@ -334,12 +326,12 @@ class SeenBefore:
         return place < len(times) and times[place] <= last_ns
 
 
-def kind_of(visit: Visit) -> type[DoorObserved | DoorPassed]:
+def kind_of(visit: Visit) -> type[ev.DoorObserved | ev.DoorPassed]:
     """Return the kind of event that a visit becomes."""
-    return DoorPassed if visit.passed else DoorObserved
+    return ev.DoorPassed if visit.passed else ev.DoorObserved
 
 
-def _was_there(way: Sequence[RobotPose], pose: RobotPose) -> bool:
+def _was_there(way: Sequence[ev.RobotPose], pose: ev.RobotPose) -> bool:
     """Return whether a robot came by a place at that very moment."""
     at_ns = pose.happened_ns or 0
     for before, after in pairwise(way):
@@ -359,9 +351,9 @@ AHEAD_NS = 4 * HOUR_NS
 class PlacesOverTime:
     """The places of a log's doors over time, with events that are to come into it."""
 
-    def __init__(self, log: DoorLog, others: Sequence[Event] = ()) -> None:
+    def __init__(self, log: DoorLog, others: Sequence[ev.Event] = ()) -> None:
         self._log = log
-        of_state = [event for event in others if isinstance(event, STATE_KINDS)]
+        of_state = [event for event in others if isinstance(event, ev.STATE_KINDS)]
         self._states = _States(log, EventBatch.from_events(of_state))
         self._others = [event for event in others if changes_places(event)]
         self._moments = sorted({*_changes(log), *(e.happened_ns or 0 for e in self._others)})
@@ -388,13 +380,13 @@ class PlacesOverTime:
 
 def _changes(log: DoorLog) -> Iterator[int]:
     """Yield when a door came, went, or may have got another place."""
-    kinds = [DoorAdded, DoorRemoved, DoorUpdated, DoorAnnotated]
+    kinds = [ev.DoorAdded, ev.DoorRemoved, ev.DoorUpdated, ev.DoorAnnotated]
     for batch in log.batches(kinds=kinds):
         when = batch.folds_ns
         moves = np.ones(len(batch), np.bool_)
-        if DoorUpdated in batch:
-            parts = batch[DoorUpdated]["changed"]
-            moves[batch.where(DoorUpdated)] = sets_part(parts, int(PLACING))
+        if ev.DoorUpdated in batch:
+            parts = batch[ev.DoorUpdated]["changed"]
+            moves[batch.where(ev.DoorUpdated)] = sets_part(parts, int(PLACING))
         yield from np.unique(when[moves]).tolist()
 
 
@@ -419,7 +411,7 @@ class _States:
         self._from_ns, self._until_ns = from_ns, until_ns
         self._of_door.clear()
         behind = self._log.last_event() + 1
-        for batch in self._log.batches(since=from_ns, until=until_ns, kinds=STATE_KINDS):
+        for batch in self._log.batches(since=from_ns, until=until_ns, kinds=ev.STATE_KINDS):
             self._take(batch, 0)
         self._take(self._others, behind)
         for said in self._of_door.values():

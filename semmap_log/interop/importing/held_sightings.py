@@ -17,15 +17,8 @@ from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.levels import resolve_level
+from semmap_log.core.model import events as ev
 from semmap_log.core.model.doors import Door, DoorId, DoorMap, next_door_id
-from semmap_log.core.model.events import (
-    DoorAdded,
-    DoorAnnotated,
-    DoorEvent,
-    DoorObserved,
-    DoorUpdated,
-    Event,
-)
 from semmap_log.core.model.meaning import Changed
 from semmap_log.core.texts import counted
 from semmap_log.errors import UnknownDoorError, UnknownLevelError
@@ -213,7 +206,7 @@ class _SightingEvents:
                 accuracy = None if rows.accuracy is None else rows.accuracy[left]
                 yield Rows(rows.door[left], rows.happened_ns[left], rows.state[left], accuracy)
 
-    def __iter__(self) -> Iterator[DoorEvent | EventBatch]:
+    def __iter__(self) -> Iterator[ev.DoorEvent | EventBatch]:
         ids = np.array(self.ids, np.uint32)
         seen = 0
         """So many doors had rows: they are numbered in the order of their first ones."""
@@ -234,10 +227,10 @@ class _SightingEvents:
                 yield batch
             seen = int(highest[-1]) + 1
 
-    def _adding(self, door: int, happened_ns: int) -> Iterator[DoorEvent]:
+    def _adding(self, door: int, happened_ns: int) -> Iterator[ev.DoorEvent]:
         door_id, name = self.ids[door], self.sightings.doors[door]
-        yield DoorAdded(happened_ns=happened_ns, door_id=door_id, level=self.level)
-        yield DoorAnnotated(happened_ns=happened_ns, door_id=door_id, key="name", value=name)
+        yield ev.DoorAdded(happened_ns=happened_ns, door_id=door_id, level=self.level)
+        yield ev.DoorAnnotated(happened_ns=happened_ns, door_id=door_id, key="name", value=name)
 
 
 def _batch_of(rows: Rows, ids: NDArray[np.uint32]) -> EventBatch:
@@ -245,7 +238,7 @@ def _batch_of(rows: Rows, ids: NDArray[np.uint32]) -> EventBatch:
     door_ids = ids[rows.door]
     if rows.accuracy is None:
         return EventBatch.of(
-            DoorUpdated,
+            ev.DoorUpdated,
             happened_ns=rows.happened_ns,
             door_id=door_ids,
             changed=Changed.STATE,
@@ -254,7 +247,7 @@ def _batch_of(rows: Rows, ids: NDArray[np.uint32]) -> EventBatch:
     seen = ~np.isnan(rows.accuracy)
     accuracy = rows.accuracy[seen]
     observed = EventBatch.of(
-        DoorObserved,
+        ev.DoorObserved,
         happened_ns=rows.happened_ns[seen],
         door_id=door_ids[seen],
         state=rows.state[seen],
@@ -264,13 +257,15 @@ def _batch_of(rows: Rows, ids: NDArray[np.uint32]) -> EventBatch:
     if seen.all():
         return observed
     updated = EventBatch.of(
-        DoorUpdated,
+        ev.DoorUpdated,
         happened_ns=rows.happened_ns[~seen],
         door_id=door_ids[~seen],
         changed=Changed.STATE,
         state=rows.state[~seen],
     )
-    return EventBatch.mixed(np.where(seen, DoorObserved.kind, DoorUpdated.kind), observed, updated)
+    return EventBatch.mixed(
+        np.where(seen, ev.DoorObserved.kind, ev.DoorUpdated.kind), observed, updated
+    )
 
 
 def _names(
@@ -290,7 +285,7 @@ def _names(
     return by_id | by_level | by_name
 
 
-_KINDS = (DoorObserved, DoorUpdated)
+_KINDS = (ev.DoorObserved, ev.DoorUpdated)
 _ROW = np.dtype([("ns", "<i8"), ("door", "<u4"), ("state", "<u4"), ("open", "<f8"),
                  ("closed", "<f8")])  # fmt: skip
 _NOT_SEEN = -1.0
@@ -333,9 +328,9 @@ class HeldSightings:
         self.count += int(held.sum())
         return held
 
-    def left(self, events: Iterable[Event]) -> Iterator[Event]:
+    def left(self, events: Iterable[ev.Event]) -> Iterator[ev.Event]:
         """Yield the events that the log does not hold, in their order."""
-        waiting: list[Event] = []
+        waiting: list[ev.Event] = []
         for event in events:
             waiting.append(event)
             if len(waiting) >= AT_ONCE:
@@ -343,7 +338,7 @@ class HeldSightings:
                 waiting.clear()
         yield from self._left_of(waiting)
 
-    def _left_of(self, events: list[Event]) -> Iterator[Event]:
+    def _left_of(self, events: list[ev.Event]) -> Iterator[ev.Event]:
         places = [i for i, event in enumerate(events) if isinstance(event, _KINDS)]
         held = self.among(EventBatch.from_events(events[i] for i in places))
         gone = {place for place, is_held in zip(places, held.tolist(), strict=True) if is_held}
@@ -379,7 +374,7 @@ def _rows(batch: EventBatch) -> tuple[NDArray[np.intp], NDArray[np.void]]:
         rows["ns"] = batch.happened_ns[where]
         rows["door"], rows["state"] = told["door_id"], told["state"]
         good = rows["ns"] >= 0
-        if kind is DoorObserved:
+        if kind is ev.DoorObserved:
             rows["open"], rows["closed"] = told["accuracy_open"], told["accuracy_closed"]
         else:
             rows["open"] = rows["closed"] = _NOT_SEEN

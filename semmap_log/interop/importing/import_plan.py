@@ -14,25 +14,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.model.doors import (
-    Door,
-    DoorId,
-    DoorMap,
-    DoorState,
-    RemovedDoor,
-    next_door_id,
-    reduced,
-    suspect_units,
-)
-from semmap_log.core.model.events import (
-    DoorAdded,
-    DoorAnnotated,
-    DoorUpdated,
-    Event,
-    FloorMap,
-    LevelAdded,
-    Retracted,
-)
+from semmap_log.core.model import doors as door_model
+from semmap_log.core.model import events as ev
 from semmap_log.core.model.meaning import PLACING, changed
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
@@ -46,23 +29,23 @@ BYTES_AN_EVENT = 256
 in memory."""
 
 
-def weight_of(event: Event) -> int:
+def weight_of(event: ev.Event) -> int:
     """Return as how many events one counts, of those that are kept in memory."""
-    if isinstance(event, FloorMap):
+    if isinstance(event, ev.FloorMap):
         return 1 + event.cells.size // BYTES_AN_EVENT
-    return 1 + len(event.value) // BYTES_AN_EVENT if isinstance(event, DoorAnnotated) else 1
+    return 1 + len(event.value) // BYTES_AN_EVENT if isinstance(event, ev.DoorAnnotated) else 1
 
 
 @dataclass(frozen=True, slots=True)
 class Present:
     """What the log holds before the import."""
 
-    door_map: DoorMap
-    used_ids: frozenset[DoorId]
+    door_map: door_model.DoorMap
+    used_ids: frozenset[door_model.DoorId]
     """Every id that was ever given, those of removed doors too."""
-    floor_maps: Mapping[int, FloorMap] = field(default_factory=dict)
+    floor_maps: Mapping[int, ev.FloorMap] = field(default_factory=dict)
     """The floor plan of each level that has one."""
-    removed: Mapping[DoorId, RemovedDoor] = field(default_factory=dict)
+    removed: Mapping[door_model.DoorId, door_model.RemovedDoor] = field(default_factory=dict)
     """Doors that were removed, and can come back."""
     next_event: int = 0
     """The number that the log will give next."""
@@ -83,7 +66,7 @@ class Present:
 class ImportPlan:
     """What to append, in one commit, and the messages for the user."""
 
-    events: Iterable[Event | EventBatch]
+    events: Iterable[ev.Event | EventBatch]
     """Can be gone through more than once; those of a large file are made during iteration."""
     count: int
     """How many events there are; 0: the log holds all of the file already."""
@@ -92,7 +75,7 @@ class ImportPlan:
     left_out: tuple[str, ...] = ()
     """What the file holds and the log will not."""
     warnings: tuple[str, ...] = ()
-    there: tuple[DoorId, ...] = ()
+    there: tuple[door_model.DoorId, ...] = ()
     """Doors of the file that the log has already."""
     nothing: str = ""
     """Why nothing of the file can be imported; empty: something can, or the log holds it."""
@@ -159,7 +142,7 @@ class _DoorPlanner:
         self.at_ns = at_ns
         self.since_ns = at_ns if since_ns is None else since_ns
         self.is_backdated = since_ns is not None
-        self.there_already: list[DoorId] = []
+        self.there_already: list[door_model.DoorId] = []
         self.level_of: dict[int, int] = {}
         """The log's number of each of the file's levels."""
         ids = {door.door_id for door in table.doors if door.door_id is not None}
@@ -191,10 +174,10 @@ class _DoorPlanner:
     def suspect(self) -> Iterator[str]:
         """Yield what looks like another unit."""
         for door in self.table.doors:
-            for what in suspect_units(theta=door.theta, width=door.width):
+            for what in door_model.suspect_units(theta=door.theta, width=door.width):
                 yield f"{self.where(door)}: {what}"
 
-    def levels(self) -> Iterator[Event]:
+    def levels(self) -> Iterator[ev.Event]:
         known = {
             level.name: number
             for number, level in self.present.door_map.levels.items()
@@ -208,12 +191,12 @@ class _DoorPlanner:
                 continue
             self.level_of[level.level] = next_number
             self.said.append(f"level {name}: new, as number {next_number}")
-            yield LevelAdded(
+            yield ev.LevelAdded(
                 happened_ns=self.since_ns, level=next_number, name=name, elevation=level.elevation
             )
             next_number += 1
 
-    def floor_maps(self) -> Iterator[Event]:
+    def floor_maps(self) -> Iterator[ev.Event]:
         for found in self.table.floor_maps:
             level = self.level_of.get(found.level, found.level)
             there = self.present.floor_maps.get(level)
@@ -224,7 +207,7 @@ class _DoorPlanner:
                 self.said.append(f"floor plan of level {level}: {width} x {height} cells")
                 yield wanted
 
-    def doors(self) -> Iterator[Event]:
+    def doors(self) -> Iterator[ev.Event]:
         for door in self.table.doors:
             there = self.there(door)
             if there is not None:
@@ -237,7 +220,7 @@ class _DoorPlanner:
                 self.added += 1
                 yield from self.new_door(door, door_id)
 
-    def there(self, door: TableDoor) -> Door | None:
+    def there(self, door: TableDoor) -> door_model.Door | None:
         """Return the log's door that the file's means: by id, else by level and name.
 
         Raises:
@@ -252,7 +235,7 @@ class _DoorPlanner:
             )
         return found
 
-    def called_so(self, door: TableDoor) -> Door | None:
+    def called_so(self, door: TableDoor) -> door_model.Door | None:
         """Return what the log has under the id of a file's door, else its level and name.
 
         A door without both is the one without a name that lies just there.
@@ -275,21 +258,23 @@ class _DoorPlanner:
             )
         return found[0] if found else None
 
-    def removed_door(self, door: TableDoor) -> RemovedDoor | None:
+    def removed_door(self, door: TableDoor) -> door_model.RemovedDoor | None:
         """Return the log's door that is to come back under its id; None: there is none."""
         if door.door_id is None or not self.update or self.renumber:
             return None
         return self.present.removed.get(door.door_id)
 
-    def door_back(self, door: TableDoor, removed: RemovedDoor) -> Iterator[Event]:
+    def door_back(self, door: TableDoor, removed: door_model.RemovedDoor) -> Iterator[ev.Event]:
         """Take the door's removal back, and write what differs from what it was then."""
         self.back += 1
         self.said.append(f"door {door.door_id}: its removal, event {removed.event}, is taken back")
-        yield Retracted(happened_ns=self.at_ns, first_event=removed.event, last_event=removed.event)
+        yield ev.Retracted(
+            happened_ns=self.at_ns, first_event=removed.event, last_event=removed.event
+        )
         names = {name for name, _, _ in differences(door, removed.door)}
         yield from self.update_of(door, removed.door, names)
 
-    def new_id(self, door: TableDoor) -> DoorId:
+    def new_id(self, door: TableDoor) -> door_model.DoorId:
         if door.door_id is not None and door.door_id not in self.present.used_ids:
             return door.door_id
         if door.door_id is not None:
@@ -300,15 +285,15 @@ class _DoorPlanner:
                 else (f"was removed, by event {known.event}")
             )
             self.removed.append(f"{self.where(door)}: door {door.door_id} {how}")
-        new = next_door_id(self.used_ids, self.greatest_id)
+        new = door_model.next_door_id(self.used_ids, self.greatest_id)
         self.used_ids.add(new)
         self.greatest_id = max(self.greatest_id, new)
         if door.door_id is not None:
             self.said.append(f"door {door.door_id} of the file is door {new} in the log")
         return new
 
-    def new_door(self, door: TableDoor, door_id: DoorId) -> Iterator[Event]:
-        added = DoorAdded(
+    def new_door(self, door: TableDoor, door_id: door_model.DoorId) -> Iterator[ev.Event]:
+        added = ev.DoorAdded(
             happened_ns=self.at_ns,
             door_id=door_id,
             level=self.level_of.get(door.level, door.level),
@@ -316,15 +301,15 @@ class _DoorPlanner:
             y=door.y,
             theta=door.theta,
             width=door.width,
-            state=door.state or DoorState.UNKNOWN,
+            state=door.state or door_model.DoorState.UNKNOWN,
             prob_open=door.prob_open,
             prob_closed=door.prob_closed,
         )
         yield from added_since(added, self.since_ns) if self.is_backdated else [added]
         for key, value in door.annotations.items():
-            yield DoorAnnotated(happened_ns=self.since_ns, door_id=door_id, key=key, value=value)
+            yield ev.DoorAnnotated(happened_ns=self.since_ns, door_id=door_id, key=key, value=value)
 
-    def known_door(self, door: TableDoor, there: Door) -> Iterator[Event]:
+    def known_door(self, door: TableDoor, there: door_model.Door) -> Iterator[ev.Event]:
         found = list(differences(door, there))
         if not found:
             self.same += 1
@@ -336,12 +321,14 @@ class _DoorPlanner:
         )
         yield from self.update_of(door, there, {name for name, _, _ in found})
 
-    def update_of(self, door: TableDoor, there: Door, names: set[str]) -> Iterator[Event]:
+    def update_of(
+        self, door: TableDoor, there: door_model.Door, names: set[str]
+    ) -> Iterator[ev.Event]:
         sets = changed(names - door.annotations.keys())
         if not there.is_placed and sets & PLACING:
             sets |= PLACING
         if sets:
-            yield DoorUpdated(
+            yield ev.DoorUpdated(
                 happened_ns=self.at_ns,
                 door_id=there.door_id,
                 changed=sets,
@@ -350,12 +337,12 @@ class _DoorPlanner:
                 y=door.y,
                 theta=door.theta,
                 width=door.width,
-                state=door.state or DoorState.UNKNOWN,
+                state=door.state or door_model.DoorState.UNKNOWN,
                 prob_open=door.prob_open,
                 prob_closed=door.prob_closed,
             )
         for key in sorted(names & door.annotations.keys()):
-            yield DoorAnnotated(
+            yield ev.DoorAnnotated(
                 happened_ns=self.at_ns, door_id=there.door_id, key=key, value=door.annotations[key]
             )
 
@@ -372,21 +359,21 @@ class _DoorPlanner:
         return f"{self.table.path}:{door.line}"
 
 
-def differences(door: TableDoor, there: Door) -> Iterator[tuple[str, object, object]]:
+def differences(door: TableDoor, there: door_model.Door) -> Iterator[tuple[str, object, object]]:
     """Yield (name, value there, value in the file) of each value that the file gives otherwise."""
     for name in ("x", "y", "theta", "width", "prob_open", "prob_closed"):
         old, new = getattr(there, name), getattr(door, name)
         if old != new and not math.isnan(new):
             yield name, old, new
     # The thesis's file cannot say MOVING or OFFLINE: there its UNKNOWN means the same.
-    if door.state is not None and door.state != reduced(there.state):
+    if door.state is not None and door.state != door_model.reduced(there.state):
         yield "state", there.state.name, door.state.name
     for key, value in door.annotations.items():
         if there.annotations.get(key) != value:
             yield key, repr(there.annotations.get(key, "")), repr(value)
 
 
-def _is_at(door: TableDoor, there: Door) -> bool:
+def _is_at(door: TableDoor, there: door_model.Door) -> bool:
     """Return whether a file's door lies just where one of the log does."""
     return all(getattr(door, name) == getattr(there, name) for name in ("x", "y", "theta", "width"))
 

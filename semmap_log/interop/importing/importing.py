@@ -19,22 +19,15 @@ from semmap_log.core.model.events import Event
 from semmap_log.core.model.moments import Moment
 from semmap_log.errors import CommandError, FormatError
 from semmap_log.interop.formats.bags.bag_reading import READABLE_BAGS, files_of, is_bag
+from semmap_log.interop.formats.files import map_server
 from semmap_log.interop.formats.files.building import read_building
 from semmap_log.interop.formats.files.door_csv import read_door_csv
 from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor, TableForm
-from semmap_log.interop.formats.files.map_server import (
-    DEFAULT_RULES,
-    YamlKind,
-    is_map,
-    is_yaml,
-    kind_of_yaml,
-    picture_of,
-    read_map,
-)
 from semmap_log.interop.formats.files.thesis_yaml import read_thesis_yaml
 from semmap_log.interop.formats.kept_scans.reading import kept_already
 from semmap_log.interop.formats.kept_scans.writing import keeping_scans
 from semmap_log.interop.formats.parsing.foreign_file import open_regular
+from semmap_log.interop.importing import scan_topics
 from semmap_log.interop.importing.as_recorded import append_as_recorded, with_room_names
 from semmap_log.interop.importing.bag_importing import plan_bag
 from semmap_log.interop.importing.held_sightings import HeldSightings, plan_sightings
@@ -48,14 +41,6 @@ from semmap_log.interop.importing.present_log import (
     present,
     stored_commits,
     with_backdated,
-)
-from semmap_log.interop.importing.scan_topics import (
-    BagIds,
-    ScanImport,
-    ScanOptions,
-    append_with_scans,
-    plan_with_scans,
-    with_scans,
 )
 from semmap_log.interop.topics.lasers.scan_keeper import ScanKeeper
 from semmap_log.interop.topics.mapping_file import read_mapping
@@ -93,7 +78,7 @@ class ImportOptions:
     that the log has from a later time on; None: new ones from `at_ns`."""
     mapping: Path | None = None
     """Bags: how their topics are read; None: the well-known ones."""
-    scan: ScanOptions | None = None
+    scan: scan_topics.ScanOptions | None = None
     """Bags: which lasers are read besides those that the mapping names."""
     map_rules: RulesName | None = None
     """Maps: the server whose cells the picture's pixels become; None: nav2."""
@@ -138,7 +123,7 @@ def import_file(
     """
     if options.mapping is not None and not is_bag(path):
         raise CommandError(f"{path}: --mapping is only for bags, and this is no bag.")
-    if options.map_rules is not None and not is_map(path):
+    if options.map_rules is not None and not map_server.is_map(path):
         raise CommandError(f"{path}: --map-rules is only for maps, and this is no map.")
     if options.scan is not None and not is_bag(path):
         raise CommandError(
@@ -153,7 +138,7 @@ def import_file(
         )
     if found is not None:
         said = note if note.source else replace(note, source=utf8_name(path))
-        count, first = append_with_scans(log, found, said)
+        count, first = scan_topics.append_with_scans(log, found, said)
         plan = ImportPlan(
             (), count, found.summary, found.left_out, found.warnings, nothing=found.nothing
         )
@@ -222,7 +207,7 @@ def _check_no_since(path: Path, options: ImportOptions) -> None:
     Raises:
         CommandError: `since` is given.
     """
-    if options.since_ns is not None and not is_yaml(path):
+    if options.since_ns is not None and not map_server.is_yaml(path):
         raise CommandError(
             f"{path}: its events say when they were; --since and --since-ever are about the doors "
             "of a building or a door database, and maps. For doors that are there, give no file."
@@ -280,7 +265,7 @@ def mapping_of(path: Path, options: ImportOptions) -> RosMapping:
 def _plan_scans(
     log: DoorLogWriter, path: Path, options: ImportOptions, progress: Progress | None,
     *, keep_scans: bool, actor: str,
-) -> ScanImport | None:  # fmt: skip
+) -> scan_topics.ScanImport | None:  # fmt: skip
     """Return what a bag's scans would bring, kept or not; None: no laser is named.
 
     Raises:
@@ -310,7 +295,7 @@ def _plan_scans(
 def plan_scan_import(
     log: DoorLog, path: Path, options: ImportOptions, progress: Progress | None = None,
     *, keeper: ScanKeeper | None = None, actor: str = "",
-) -> ScanImport | None:  # fmt: skip
+) -> scan_topics.ScanImport | None:  # fmt: skip
     """Return what an import of a bag's scans would bring; None: no laser is named.
 
     Args:
@@ -325,7 +310,7 @@ def plan_scan_import(
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
         CommandError: The map forbids it; or no door was there at the time of the scans.
     """
-    mapping = with_scans(path, mapping_of(path, options), options.scan)
+    mapping = scan_topics.with_scans(path, mapping_of(path, options), options.scan)
     if not mapping.reads_scans:
         return None
     earlier, since_ns = ImportPlan((), 0), options.since_ns
@@ -334,8 +319,8 @@ def plan_scan_import(
     bag_id = command_id_of(path, ImportOptions())
     topics_id = command_id_of(path, replace(options, scan=None, since_ns=None))
     since_id = hashlib.sha256(bag_id + f"since {since_ns}".encode()).digest()[:16]
-    return plan_with_scans(
-        log, path, mapping, BagIds(bag_id, topics_id, since_id), earlier, keeper=keeper,
+    return scan_topics.plan_with_scans(
+        log, path, mapping, scan_topics.BagIds(bag_id, topics_id, since_id), earlier, keeper=keeper,
         progress=progress, actor=actor,
     )  # fmt: skip
 
@@ -349,11 +334,11 @@ def _planner(path: Path, progress: Progress | None, *, has_form: bool) -> Planne
     """Return what plans the import of a file."""
     if not has_form and is_bag(path):
         return lambda log, path, options: plan_bag_import(log, path, options, progress)
-    if not has_form and is_yaml(path):
-        by_kind: dict[YamlKind, Planner] = {
+    if not has_form and map_server.is_yaml(path):
+        by_kind: dict[map_server.YamlKind, Planner] = {
             "building": _plan_building, "map": _plan_map, "doors": plan_thesis_yaml,
         }  # fmt: skip
-        return by_kind[kind_of_yaml(path)]
+        return by_kind[map_server.kind_of_yaml(path)]
     if has_form or path.name.lower().removesuffix(".gz").endswith((".csv", ".tsv")):
         return _plan_csv
     raise FormatError(path, f"unknown extension for an import; expected one of: {READABLE}.")
@@ -370,7 +355,9 @@ def _plan_map(log: DoorLog, path: Path, options: ImportOptions) -> ImportPlan:
     doors = log.replay(at=Moment(ns=at_ns))
     now = log.door_map() if isinstance(log, DoorLogWriter) else log.replay()
     level = resolve_level(options.level, now)
-    found = read_map(path, level=level, rules=options.map_rules or DEFAULT_RULES)
+    found = map_server.read_map(
+        path, level=level, rules=options.map_rules or map_server.DEFAULT_RULES
+    )
     there = log.floor_of(doors, level)
     if there is not None and are_same([found], [there]):
         return ImportPlan((), 0)
@@ -467,7 +454,7 @@ def command_id_of(path: Path, options: ImportOptions) -> bytes:
     whole = hashlib.sha256(how.encode())
     if options.map_rules is not None:
         whole.update(options.map_rules.encode())
-    picture = picture_of(path) if is_map(path) else None
+    picture = map_server.picture_of(path) if map_server.is_map(path) else None
     if picture is not None and not picture.is_file():
         picture = None  # who reads the map says so
     for file in (path, options.windows, options.mapping, picture):

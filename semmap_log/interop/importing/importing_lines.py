@@ -10,18 +10,9 @@ from typing import Protocol
 import numpy as np
 
 from semmap_log.core.batches.event_batch import in_ranges
+from semmap_log.core.model import events as ev
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import suspect_cells, suspect_units
-from semmap_log.core.model.events import (
-    DoorAdded,
-    DoorRemoved,
-    DoorUpdated,
-    Event,
-    FloorMap,
-    LevelAdded,
-    Retracted,
-    RobotPose,
-)
 from semmap_log.core.texts import counted
 from semmap_log.errors import CommandError, FormatError
 from semmap_log.interop.formats.json.door_json import means_same
@@ -55,10 +46,10 @@ class Stored(Protocol):
     def find(self, command_id: bytes) -> StoredCommand | None:
         """Return that command."""
 
-    def events_of(self, commit: Commit) -> Iterator[Event]:
+    def events_of(self, commit: Commit) -> Iterator[ev.Event]:
         """Yield the events of a commit."""
 
-    def comings(self, first: int, last: int) -> Iterator[Event]:
+    def comings(self, first: int, last: int) -> Iterator[ev.Event]:
         """Yield the DoorAdded and DoorRemoved among the events of these numbers."""
 
 
@@ -282,7 +273,7 @@ class _LinePlanner:
         if parsed.number <= self.last_source:
             self.report_uncovered()
         self.last_source = parsed.number
-        if isinstance(parsed.event, Retracted):
+        if isinstance(parsed.event, ev.Retracted):
             self.uncovered.cover(parsed.event.first_event, parsed.event.last_event)
         elif parsed.retracted:
             self.uncovered.add(parsed.number, line)
@@ -329,11 +320,11 @@ class _LinePlanner:
                 self.begins_ns[self.groups - 1] = begun_ns
         self.uses_note |= commit.note is self.options.note
 
-    def suspect_units(self, line: int, event: Event) -> None:
+    def suspect_units(self, line: int, event: ev.Event) -> None:
         """Take note of values that look like degrees or millimetres."""
-        if isinstance(event, DoorAdded | DoorUpdated):
+        if isinstance(event, ev.DoorAdded | ev.DoorUpdated):
             found = suspect_units(theta=event.theta, width=event.width)
-        elif isinstance(event, FloorMap):
+        elif isinstance(event, ev.FloorMap):
             found = suspect_cells(resolution=event.resolution, theta=event.origin_theta)
         else:
             return
@@ -353,7 +344,7 @@ class _LinePlanner:
             if event is None:
                 continue
             number, held = next(there, _NOTHING)
-            while is_first and isinstance(held, RobotPose) and not means_same(event, held):
+            while is_first and isinstance(held, ev.RobotPose) and not means_same(event, held):
                 number, held = next(there, _NOTHING)  # a pose that waited when it was appended
             is_first = False
             if held is None or not means_same(event, held):
@@ -378,7 +369,7 @@ class _LinePlanner:
             if parsed.number is not None:
                 self.numbers.add(parsed.number, number)
 
-    def taken(self, line: int, parsed: ParsedLine) -> Event | None:
+    def taken(self, line: int, parsed: ParsedLine) -> ev.Event | None:
         """Return a line's event for this log; None: there is none, which was noted."""
         try:
             event = taken(parsed, self.numbers, self.options.at_ns)
@@ -404,10 +395,10 @@ class _Checks:
         self.validator = Validator(self.index, self.next, lambda: self.now_ns, past=self.past)
         self.retracted: list[tuple[int, int]] = []
         """What was retracted since the doors that are left were looked at."""
-        self.changes: list[tuple[int, Event]] = []
+        self.changes: list[tuple[int, ev.Event]] = []
         """Number and event of what the file changed in the index."""
 
-    def check(self, event: Event) -> None:
+    def check(self, event: ev.Event) -> None:
         """Let the event pass.
 
         Raises:
@@ -417,11 +408,11 @@ class _Checks:
         if isinstance(event, _CHANGING):
             happened_ns = self.now_ns if event.happened_ns is None else event.happened_ns
             happened_ns = min(happened_ns, self.now_ns)
-            if isinstance(event, FloorMap):  # only its level counts
+            if isinstance(event, ev.FloorMap):  # only its level counts
                 event = replace(event, cells=NO_CELLS)
             self.changes.append((self.next, replace(event, happened_ns=happened_ns)))
         self.next += 1
-        if isinstance(event, Retracted):
+        if isinstance(event, ev.Retracted):
             self.retracted.append((event.first_event, event.last_event))
 
     def begin(self, now_ns: int, *, are_facts: bool) -> None:
@@ -447,17 +438,17 @@ class _Checks:
         held = self.index = self.index.copy()
         for first, last in ranges:
             for event in self.stored.comings(first, min(last, self.first - 1)):
-                if isinstance(event, DoorAdded):
+                if isinstance(event, ev.DoorAdded):
                     held.placed.pop(event.door_id, None)
                     held.level_of.pop(event.door_id, None)
-                elif isinstance(event, DoorRemoved):
+                elif isinstance(event, ev.DoorRemoved):
                     held.bring_back(event.door_id)
         changes, self.changes = self.changes, []
         hidden = in_ranges(np.array([number for number, _ in changes], np.int64), ranges)
         for change, is_hidden in zip(changes, hidden.tolist(), strict=True):
             if not is_hidden:
                 self.changes.append(change)
-            elif isinstance(change[1], DoorAdded):
+            elif isinstance(change[1], ev.DoorAdded):
                 held.used_ids.add(change[1].door_id)
         index = held.copy()
         for number, event in self.changes:
@@ -478,5 +469,5 @@ _NOT_ONE = (
     "command_id: the previous line has the same id, but another commit, actor or reason; "
     "make them equal, or give another id"
 )
-_NOTHING: tuple[int, Event | None] = (0, None)
-_CHANGING = (DoorAdded, DoorRemoved, DoorUpdated, LevelAdded, FloorMap)
+_NOTHING: tuple[int, ev.Event | None] = (0, None)
+_CHANGING = (ev.DoorAdded, ev.DoorRemoved, ev.DoorUpdated, ev.LevelAdded, ev.FloorMap)

@@ -22,17 +22,9 @@ import numpy as np
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.levels import NUMBER_PREFIX, level_called, levels_of
+from semmap_log.core.model import events as ev
 from semmap_log.core.model.commits import GIVEN_EVENTS, NO_CONTENT, Note
 from semmap_log.core.model.doors import LEVEL_NOT_GIVEN, DoorId, next_door_id
-from semmap_log.core.model.events import (
-    DoorAnnotated,
-    DoorEvent,
-    DoorObserved,
-    DoorUpdated,
-    Event,
-    LevelAdded,
-    Retracted,
-)
 from semmap_log.core.model.meaning import Changed
 from semmap_log.errors import CommandError, FormatError, UnknownDoorError
 from semmap_log.interop.formats.json.event_json_reader import (
@@ -101,9 +93,9 @@ class LineReader:
         except FormatError as error:
             self.problems.add(number, error.first)
             return None
-        if isinstance(parsed.event, DoorEvent):
+        if isinstance(parsed.event, ev.DoorEvent):
             self._learn(parsed.event)
-        elif isinstance(parsed.event, LevelAdded):
+        elif isinstance(parsed.event, ev.LevelAdded):
             self.level_names[parsed.event.level] = parsed.event.name
             self.levels_called.rename(parsed.event.level, parsed.event.name)
         return self._recorded(parsed) if self.as_recorded else parsed
@@ -118,12 +110,12 @@ class LineReader:
         self._last_ns = happened_ns, recorded_ns
         return replace(parsed, recorded_ns=recorded_ns)
 
-    def _learn(self, event: DoorEvent) -> None:
+    def _learn(self, event: ev.DoorEvent) -> None:
         self.used_ids.add(event.door_id)
         self.greatest_id = max(self.greatest_id, event.door_id)
         if event.sets() & Changed.POSE:
             self.levels[event.door_id] = event.values_set()["level"]
-        if isinstance(event, DoorAnnotated) and event.key == "name":
+        if isinstance(event, ev.DoorAnnotated) and event.key == "name":
             self.doors_called.rename(event.door_id, event.value)
 
     # What the reader of a line asks
@@ -223,7 +215,7 @@ class HeldLines:
         for line in lines:
             parsed = line[1]
             is_own = parsed.command_id is None and parsed.number is None
-            if is_own and isinstance(parsed.event, DoorObserved | DoorUpdated):
+            if is_own and isinstance(parsed.event, ev.DoorObserved | ev.DoorUpdated):
                 by_source.setdefault(parsed.note.source or self._source, []).append(line)
         held: set[int] = set()
         for source, some in by_source.items():
@@ -260,7 +252,7 @@ class LineOptions:
 class PlannedEvent(NamedTuple):
     """An event for the log."""
 
-    event: Event
+    event: ev.Event
     source: int | None
     """Its number in the log that it was exported from."""
 
@@ -291,7 +283,7 @@ class PlannedCommit:
                 yield PlannedEvent(event, parsed.number)
 
 
-def taken(parsed: ParsedLine, numbers: NumberMap, at_ns: int | None) -> Event | None:
+def taken(parsed: ParsedLine, numbers: NumberMap, at_ns: int | None) -> ev.Event | None:
     """Return a line's event for this log; None: it takes back what the file does not hold.
 
     Raises:
@@ -301,7 +293,7 @@ def taken(parsed: ParsedLine, numbers: NumberMap, at_ns: int | None) -> Event | 
     if parsed.number is not None:
         told = renamed(event, numbers.ranges)
         if len(told) > 1:
-            ranges = [(e.first_event, e.last_event) for e in told if isinstance(e, Retracted)]
+            ranges = [(e.first_event, e.last_event) for e in told if isinstance(e, ev.Retracted)]
             places = " and ".join(f"{first}..{last}" for first, last in ranges)
             raise CommandError(
                 f"it takes back events that lie apart in this log ({places}): import the whole "

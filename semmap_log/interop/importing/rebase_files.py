@@ -20,16 +20,10 @@ from semmap_log.interop.formats.files.building import DoorStart, read_building, 
 from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor
 from semmap_log.interop.formats.files.map_server import is_yaml, kind_of_yaml
 from semmap_log.interop.formats.files.thesis_yaml import read_thesis_yaml
+from semmap_log.log.door_log import rebasing
 from semmap_log.log.door_log.door_commands import rebase_plan
 from semmap_log.log.door_log.door_index import resolve_door
 from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.rebasing import (
-    MOST_RESIDUAL_M,
-    MapFit,
-    MeasuredDoor,
-    RebasePlan,
-    fit_maps,
-)
 from semmap_log.log.replay.replay import Scope
 
 READABLE = ".yaml: a building of Open-RMF, or the thesis's door database"
@@ -39,7 +33,7 @@ READABLE = ".yaml: a building of Open-RMF, or the thesis's door database"
 class MeasuredDoors:
     """What a file says of the doors of a level."""
 
-    doors: Mapping[DoorId, MeasuredDoor]
+    doors: Mapping[DoorId, rebasing.MeasuredDoor]
     strangers: tuple[str, ...]
     """Doors of the file that the level does not have, with their lines."""
 
@@ -57,7 +51,7 @@ def read_measured_doors(path: Path, door_map: DoorMap, *, level: int) -> Measure
             that the level has.
     """
     here = [door for door in door_map.doors.values() if door.level == level]
-    found: dict[DoorId, MeasuredDoor] = {}
+    found: dict[DoorId, rebasing.MeasuredDoor] = {}
     strangers = []
     for told, door in _met(_table(path, door_map, level), here):
         if door is None:
@@ -65,7 +59,7 @@ def read_measured_doors(path: Path, door_map: DoorMap, *, level: int) -> Measure
         elif door.door_id in found:
             raise FormatError(path, [(told.line, f"door {door.label} is there twice")])
         else:
-            found[door.door_id] = MeasuredDoor(told.x, told.y, told.theta, told.width)
+            found[door.door_id] = rebasing.MeasuredDoor(told.x, told.y, told.theta, told.width)
     if not found:
         name = door_map.level_name(level)
         raise FormatError(path, f"expected doors of level {name} of the log, found none of them.")
@@ -134,14 +128,18 @@ class RebaseMoment:
         now = log.state_in(Scope(event=event)).door_map()
         return cls(log, door_map, resolve_level(level, now), at_ns, event)
 
-    def fit(self, pairs: Path, *, most_residual_m: float = MOST_RESIDUAL_M) -> MapFit:
+    def fit(
+        self, pairs: Path, *, most_residual_m: float = rebasing.MOST_RESIDUAL_M
+    ) -> rebasing.MapFit:
         """Return the transform that fits the pairs of a file, and how well; see `check_fit`.
 
         Raises:
             FormatError: The file cannot be read.
             CommandError: Its pairs do not determine a transform.
         """
-        return fit_maps(read_pairs(pairs, self._start_of()), most_residual_m=most_residual_m)
+        return rebasing.fit_maps(
+            read_pairs(pairs, self._start_of()), most_residual_m=most_residual_m
+        )
 
     def measured(self, path: Path | None) -> MeasuredDoors:
         """Return where a file puts the level's doors; None: there is no file.
@@ -153,7 +151,9 @@ class RebaseMoment:
             return NONE_MEASURED
         return read_measured_doors(path, self.door_map, level=self.level)
 
-    def plan(self, floor: FloorMap, by: RigidTransform, measured: MeasuredDoors) -> RebasePlan:
+    def plan(
+        self, floor: FloorMap, by: RigidTransform, measured: MeasuredDoors
+    ) -> rebasing.RebasePlan:
         """Return what the rebase does.
 
         Raises:

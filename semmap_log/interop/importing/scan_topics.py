@@ -22,21 +22,10 @@ from semmap_log.core.texts import command_line
 from semmap_log.errors import CommandError, FormatError
 from semmap_log.interop.formats.bags.bag_protocol import BagChannel, BagReader
 from semmap_log.interop.formats.bags.bag_reading import open_bag
-from semmap_log.interop.formats.ros.ros_types import (
-    LASER_SCAN,
-    POINT_CLOUD,
-    short_name,
-    whole_topic,
-)
-from semmap_log.interop.importing.bag_importing import (
-    PlacesOverTime,
-    PlannedVisit,
-    SeenBefore,
-    left_out_of,
-    plan_bag,
-    reads_any,
-)
+from semmap_log.interop.formats.ros import ros_types
+from semmap_log.interop.importing import bag_importing
 from semmap_log.interop.importing.import_plan import ImportPlan
+from semmap_log.interop.topics import topic_rules
 from semmap_log.interop.topics.lasers.lasers import Lasers, RobotScan
 from semmap_log.interop.topics.lasers.scan_keeper import (
     LaserSightings,
@@ -48,13 +37,6 @@ from semmap_log.interop.topics.lasers.scan_keeper import (
     oddities_of,
 )
 from semmap_log.interop.topics.topic_reader import Known, TopicProblems
-from semmap_log.interop.topics.topic_rules import (
-    ONLY_TYPES,
-    ReadPlace,
-    ReadPose,
-    ReadScan,
-    RosMapping,
-)
 from semmap_log.interop.topics.translator import Translator
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
@@ -83,7 +65,9 @@ class ScanOptions:
         return words
 
 
-def with_scans(path: Path, mapping: RosMapping, options: ScanOptions | None) -> RosMapping:
+def with_scans(
+    path: Path, mapping: topic_rules.RosMapping, options: ScanOptions | None
+) -> topic_rules.RosMapping:
     """Return a mapping that reads the requested lasers, as far as the bag has them.
 
     Raises:
@@ -95,39 +79,49 @@ def with_scans(path: Path, mapping: RosMapping, options: ScanOptions | None) -> 
     return mapping.with_scans(topics, options.pose_topic, options.heights)
 
 
-def _topics(path: Path, mapping: RosMapping, options: ScanOptions) -> Collection[str]:
+def _topics(path: Path, mapping: topic_rules.RosMapping, options: ScanOptions) -> Collection[str]:
     with open_bag(path) as bag:
         there = {channel.topic: channel.message_type.name for channel in bag.channels}
-    lasers = sorted(topic for topic, name in there.items() if name == LASER_SCAN)
-    named = [(whole_topic(topic), ONLY_TYPES[ReadScan]) for topic in options.topics]
+    lasers = sorted(topic for topic, name in there.items() if name == ros_types.LASER_SCAN)
+    named = [
+        (ros_types.whole_topic(topic), topic_rules.ONLY_TYPES[topic_rules.ReadScan])
+        for topic in options.topics
+    ]
     if options.pose_topic:
-        named.append((whole_topic(options.pose_topic), ONLY_TYPES[ReadPlace]))
+        named.append(
+            (
+                ros_types.whole_topic(options.pose_topic),
+                topic_rules.ONLY_TYPES[topic_rules.ReadPlace],
+            )
+        )
     for topic, possible in named:
         if there.get(topic) not in possible:
-            kinds = " or ".join(map(short_name, possible))
+            kinds = " or ".join(map(ros_types.short_name, possible))
             raise FormatError(
                 path, f"expected a topic {topic} of {kinds}; there is: {_listed(there)}"
             )
     if options.topics:
         return options.topics
-    if any(isinstance(rule.reading, ReadScan) for rule in mapping.topics.values()):
+    if any(isinstance(rule.reading, topic_rules.ReadScan) for rule in mapping.topics.values()):
         return ()
     called_so = [topic for topic in lasers if topic.endswith("/scan")]
     chosen = lasers if len(lasers) == 1 else called_so
     if not chosen:
-        clouds = sorted(topic for topic, name in there.items() if name == POINT_CLOUD)
+        clouds = sorted(topic for topic, name in there.items() if name == ros_types.POINT_CLOUD)
         which = (*lasers, *clouds)
         what = (
             f"it has several: {', '.join(which)}; name those of different lasers: --scan {which[0]}"
             if which
             else f"it has none; there is: {_listed(there)}"
         )
-        raise FormatError(path, f"expected one topic of {short_name(LASER_SCAN)}; {what}")
+        raise FormatError(
+            path, f"expected one topic of {ros_types.short_name(ros_types.LASER_SCAN)}; {what}"
+        )
     return chosen
 
 
 def _listed(topics: dict[str, str]) -> str:
-    named = [f"{topic} ({short_name(name)})" for topic, name in sorted(topics.items())]
+    named = [f"{topic} ({ros_types.short_name(name)})" for topic, name in sorted(topics.items())]
     return ", ".join(named[:MOST_TOPICS]) or "nothing"
 
 
@@ -142,7 +136,7 @@ TOLD_EVERY = 1000
 class ScanPlan:
     """What a bag's scans bring."""
 
-    visits: Sequence[PlannedVisit]
+    visits: Sequence[bag_importing.PlannedVisit]
     summary: tuple[str, ...]
     warnings: tuple[str, ...]
     """What is odd about the bag."""
@@ -201,7 +195,7 @@ class ScanImport:
 
 
 def plan_with_scans(
-    log: DoorLog, path: Path, mapping: RosMapping, ids: BagIds, earlier: ImportPlan, *,
+    log: DoorLog, path: Path, mapping: topic_rules.RosMapping, ids: BagIds, earlier: ImportPlan, *,
     keeper: ScanKeeper | None = None, progress: Progress | None = None, actor: str = "",
 ) -> ScanImport:  # fmt: skip
     """Return what a bag would bring; nothing is written.
@@ -221,10 +215,10 @@ def plan_with_scans(
         CommandError: The map forbids it; or no door was there at the time of the scans.
     """
     topics, others = ImportPlan((), 0), mapping.without_lasers()
-    left_out = tuple(left_out_of(path, mapping))
+    left_out = tuple(bag_importing.left_out_of(path, mapping))
     is_held = _is_stored(log, ids.topics)
-    if reads_any(path, others) and not is_held:
-        topics = plan_bag(path, log, others, progress=progress)
+    if bag_importing.reads_any(path, others) and not is_held:
+        topics = bag_importing.plan_bag(path, log, others, progress=progress)
     others_events = [*one_by_one(earlier.events), *one_by_one(topics.events)]
     scans = plan_scans(
         path, log, mapping, others_events, bag_id=ids.bag, keeper=keeper, progress=progress,
@@ -262,7 +256,7 @@ def _is_stored(log: DoorLog, command_id: bytes) -> bool:
 
 
 def plan_scans(
-    path: Path, log: DoorLog, mapping: RosMapping, others: Sequence[Event] = (), *,
+    path: Path, log: DoorLog, mapping: topic_rules.RosMapping, others: Sequence[Event] = (), *,
     bag_id: bytes, keeper: ScanKeeper | None = None, progress: Progress | None = None,
     actor: str = "",
 ) -> ScanPlan:  # fmt: skip
@@ -282,7 +276,7 @@ def plan_scans(
         FormatError: The bag cannot be read, or no scan of it has a place on the map.
         CommandError: No door was there at the time of the scans; or no level is given.
     """
-    doors = PlacesOverTime(log, others)
+    doors = bag_importing.PlacesOverTime(log, others)
     return _Scanning(path, log, mapping.for_lasers_only(), doors, keeper, actor).plan(
         bag_id, progress
     )
@@ -294,8 +288,8 @@ class _Scanning:
 
     path: Path
     log: DoorLog
-    mapping: RosMapping
-    doors: PlacesOverTime
+    mapping: topic_rules.RosMapping
+    doors: bag_importing.PlacesOverTime
     keeper: ScanKeeper | None = None
     actor: str = ""
     complaints: TopicProblems = field(default_factory=TopicProblems)
@@ -311,8 +305,8 @@ class _Scanning:
         visits = list(self._visits(translator, progress))
         self._check_any_placed(translator.lasers)
         ids = (_visit_id(bag_id, self.mapping, each) for each in visits)
-        planned = [PlannedVisit(*pair) for pair in zip(ids, visits, strict=True)]
-        before = SeenBefore.of(self.log, visits)
+        planned = [bag_importing.PlannedVisit(*pair) for pair in zip(ids, visits, strict=True)]
+        before = bag_importing.SeenBefore.of(self.log, visits)
         unknown = [each for each in planned if not before.holds(each)]
         new = [each for each in unknown if not before.overlaps(each, self.actor)]
         warnings = list(self._warnings(translator.lasers))
@@ -398,7 +392,7 @@ class _Scanning:
         yield from oddities_of(lasers, self.sightings, lambda ns: format_local(ns, zone))
 
 
-def _visit_id(bag_id: bytes, mapping: RosMapping, commit: VisitCommit) -> bytes:
+def _visit_id(bag_id: bytes, mapping: topic_rules.RosMapping, commit: VisitCommit) -> bytes:
     """Return the id of a visit's commit: the same for the same visit in the same bag."""
     visit = commit.visit
     key = (
@@ -409,14 +403,14 @@ def _visit_id(bag_id: bytes, mapping: RosMapping, commit: VisitCommit) -> bytes:
 
 
 def placed_scans(
-    path: Path, log: DoorLog, mapping: RosMapping, *, progress: Progress | None = None
+    path: Path, log: DoorLog, mapping: topic_rules.RosMapping, *, progress: Progress | None = None
 ) -> Iterator[RobotScan]:
     """Yield the scans of a bag that have a place on the map, whatever doors there are.
 
     Raises:
         FormatError: The bag cannot be read, or no scan of it has a place.
     """
-    scanning = _Scanning(path, log, mapping.for_lasers_only(), PlacesOverTime(log))
+    scanning = _Scanning(path, log, mapping.for_lasers_only(), bag_importing.PlacesOverTime(log))
     translator = Translator(scanning.mapping, Known.of(log), scanning.complaints)
     is_any = False
     for scan in scanning.scans(translator, progress):
@@ -429,7 +423,9 @@ def placed_scans(
         raise FormatError(path, why_no_place(path, lasers, scanning.mapping, scanning.complaints))
 
 
-def why_no_place(path: Path, lasers: Lasers, mapping: RosMapping, complaints: TopicProblems) -> str:
+def why_no_place(
+    path: Path, lasers: Lasers, mapping: topic_rules.RosMapping, complaints: TopicProblems
+) -> str:
     """Return why no scan of a bag has a place, and what to do.
 
     Args:
@@ -446,7 +442,7 @@ def why_no_place(path: Path, lasers: Lasers, mapping: RosMapping, complaints: To
     return " ".join((told, *_what_to_do(path, lasers, mapping)))
 
 
-def _what_to_do(path: Path, lasers: Lasers, mapping: RosMapping) -> Iterator[str]:
+def _what_to_do(path: Path, lasers: Lasers, mapping: topic_rules.RosMapping) -> Iterator[str]:
     yield (
         f"TF has to lead from {mapping.map_frame} to the laser: record /tf and /tf_static while "
         "the robot localises (amcl, slam_toolbox), or play the bag through it and record that."
@@ -478,5 +474,5 @@ def _is_alone(topic: str, top: str, lasers: Lasers) -> bool:
 def _pose_topics(path: Path) -> list[str]:
     with open_bag(path) as bag:
         channels = list(bag.channels)
-    possible = ONLY_TYPES[ReadPose]
+    possible = topic_rules.ONLY_TYPES[topic_rules.ReadPose]
     return sorted({each.topic for each in channels if each.message_type.name in possible})

@@ -12,21 +12,11 @@ from collections import Counter
 from dataclasses import fields, replace
 
 from semmap_log.analysis.rooms.room_graph import LIFT, ROOMS
+from semmap_log.core.model import events
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Note
 from semmap_log.core.model.doors import CLASS, OUTLINE, WORDED, parse_outline
-from semmap_log.core.model.events import (
-    ClassDefined,
-    DoorAnnotated,
-    Event,
-    HistoryTrimmed,
-    LevelAdded,
-    LogExported,
-    MomentPinned,
-    RobotPose,
-    UnknownEvent,
-)
 
-LEFT_OUT = (HistoryTrimmed, LogExported, MomentPinned, UnknownEvent)
+LEFT_OUT = (events.HistoryTrimmed, events.LogExported, events.MomentPinned, events.UnknownEvent)
 """Kinds that say in words what nobody else needs, or what is not known here."""
 
 
@@ -46,7 +36,7 @@ class Pseudonyms:
         self.left_out: Counter[str] = Counter()
         """What was left out, by kind of event; annotations by `DoorAnnotated`."""
 
-    def event(self, event: Event) -> Event | None:
+    def event(self, event: events.Event) -> events.Event | None:
         """Return an event without names; None: it is left out."""
         told = self._told(event)
         if told is None:
@@ -71,22 +61,22 @@ class Pseudonyms:
             correlation=self._called("correlation", note.correlation),
         )
 
-    def _told(self, event: Event) -> Event | None:
+    def _told(self, event: events.Event) -> events.Event | None:
         if isinstance(event, LEFT_OUT):
             return None
-        if isinstance(event, RobotPose):
+        if isinstance(event, events.RobotPose):
             return event if self._with_tracks else None
-        if isinstance(event, LevelAdded):
+        if isinstance(event, events.LevelAdded):
             return replace(event, name=f"level-{event.level}")
-        if isinstance(event, DoorAnnotated):
+        if isinstance(event, events.DoorAnnotated):
             return self._annotation(event)
-        if isinstance(event, ClassDefined):
+        if isinstance(event, events.ClassDefined):
             return self._class(event)
         texts = [f.name for f in fields(event) if isinstance(getattr(event, f.name), str)]
         assert not texts, f"{type(event).__name__} has texts: {texts}"
         return event
 
-    def _class(self, event: ClassDefined) -> ClassDefined:
+    def _class(self, event: events.ClassDefined) -> events.ClassDefined:
         """Return a class that is called by its number, and its states as a door's."""
         one = event.object_class
         return replace(
@@ -96,7 +86,7 @@ class Pseudonyms:
             blocks=",".join(state.name for state in sorted(one.blocks)),
         )
 
-    def _annotation(self, event: DoorAnnotated) -> DoorAnnotated | None:
+    def _annotation(self, event: events.DoorAnnotated) -> events.DoorAnnotated | None:
         if event.key == "name":
             return replace(event, value=event.value and f"door-{event.door_id}")
         if event.key == CLASS:  # whether a class is called so, now or later

@@ -23,22 +23,8 @@ from math import atan2, cos, hypot, isfinite, sin
 from struct import Struct
 from typing import Any
 
-from semmap_log.core.model.doors import (
-    Door,
-    DoorId,
-    DoorState,
-    reduced,
-    suspect_units,
-    thesis_state,
-)
-from semmap_log.core.model.events import (
-    DoorAdded,
-    DoorAnnotated,
-    DoorRemoved,
-    DoorUpdated,
-    Event,
-    RobotPose,
-)
+from semmap_log.core.model import doors as door_model
+from semmap_log.core.model import events as ev
 from semmap_log.core.model.meaning import NOTHING, PLACING, Changed
 from semmap_log.core.model.rigid_transform import yaw_of
 from semmap_log.core.texts import command_line
@@ -56,23 +42,23 @@ class PoseFilter:
 
     moved_m: float
     turned_rad: float
-    _kept: RobotPose | None = None
-    _latest: RobotPose | None = None
+    _kept: ev.RobotPose | None = None
+    _latest: ev.RobotPose | None = None
 
-    def take(self, pose: RobotPose) -> Iterator[Event]:
+    def take(self, pose: ev.RobotPose) -> Iterator[ev.Event]:
         """Yield the pose if the robot has moved since the last one that was kept."""
         self._latest = pose
         if self._kept is None or self._has_moved(self._kept, pose):
             self._kept = pose
             yield pose
 
-    def at_sighting(self) -> Iterator[Event]:
+    def at_sighting(self) -> Iterator[ev.Event]:
         """Yield where the robot was last, unless that was kept already."""
         if self._latest is not None and not _is_same_place(self._latest, self._kept):
             self._kept = self._latest
             yield self._latest
 
-    def _has_moved(self, kept: RobotPose, pose: RobotPose) -> bool:
+    def _has_moved(self, kept: ev.RobotPose, pose: ev.RobotPose) -> bool:
         turned = abs(math.remainder(pose.theta - kept.theta, math.tau))
         return (
             pose.level != kept.level
@@ -81,7 +67,7 @@ class PoseFilter:
         )
 
 
-def _is_same_place(pose: RobotPose, other: RobotPose | None) -> bool:
+def _is_same_place(pose: ev.RobotPose, other: ev.RobotPose | None) -> bool:
     places = [(each.level, each.x, each.y, each.theta) for each in (pose, other) if each]
     return len(places) == 2 and places[0] == places[1]
 
@@ -99,7 +85,7 @@ class Poses:
         self._context = context
         self._track = track
 
-    def events(self, got: TopicMessage) -> Iterator[Event]:
+    def events(self, got: TopicMessage) -> Iterator[ev.Event]:
         """Return the pose, if the robot has moved."""
         header = got.message.header
         if not is_on_map(got, self._context):
@@ -109,7 +95,7 @@ class Poses:
         pose = got.message.pose.pose if covered else got.message.pose
         sd_xy, sd_theta = deviations(got.message.pose.covariance) if covered else (math.nan,) * 2
         yield from self._track.take(
-            RobotPose(
+            ev.RobotPose(
                 level=self._level,
                 x=pose.position.x,
                 y=pose.position.y,
@@ -148,7 +134,7 @@ class Transforms:
         self._topic = ""
         self._is_on_map = False
 
-    def events(self, got: TopicMessage) -> Iterator[Event]:
+    def events(self, got: TopicMessage) -> Iterator[ev.Event]:
         """Return the pose, if the robot has moved."""
         mapping = self._context.mapping
         self._topic = got.topic
@@ -164,7 +150,7 @@ class Transforms:
             return
         x, y, theta = self._tree.pose(chain)
         yield from self._track.take(
-            RobotPose(
+            ev.RobotPose(
                 level=self._level, x=x, y=y, theta=theta,
                 happened_ns=self._context.happened_ns(got, self._tree.stamp(chain)),
             )
@@ -214,7 +200,7 @@ class _Entry:
     y: float
     theta: float
     width: float
-    state: DoorState
+    state: door_model.DoorState
     prob_open: float
     prob_closed: float
 
@@ -233,12 +219,12 @@ class DoorMaps:
         self._level = context.level(rule.level)
         self._key = f"id in {topic}"
         """Of the annotation that holds the server's number of a door."""
-        self._door_of: dict[int, DoorId] | None = None
+        self._door_of: dict[int, door_model.DoorId] | None = None
         """The server's number -> our door, of all that its map had, or that came with it once."""
         self._last: dict[int, bytes] = {}
         """The server's number -> its last report of that door."""
 
-    def events(self, got: TopicMessage) -> Iterator[Event]:
+    def events(self, got: TopicMessage) -> Iterator[ev.Event]:
         """Return what makes the doors we know those of the message."""
         happened_ns = self._context.happened_ns(got)
         numbers = [int(entry.door_id) for entry in got.message.door_db]
@@ -275,7 +261,7 @@ class DoorMaps:
         self._door_of = None
         self._last.clear()
 
-    def _remembered(self) -> dict[int, DoorId]:
+    def _remembered(self) -> dict[int, door_model.DoorId]:
         """Return the doors that came from the server, as far as the log shows."""
         doors = [door for door in self._context.known.doors.values() if door.object_class.is_door]
         own = {
@@ -293,7 +279,7 @@ class DoorMaps:
         }
         return others | own
 
-    def _door(self, number: int, entry: Any) -> DoorId | None:
+    def _door(self, number: int, entry: Any) -> door_model.DoorId | None:
         """Return our door that the server calls by that number; None: a new one."""
         assert self._door_of is not None
         if self._is_there(number):
@@ -312,12 +298,12 @@ class DoorMaps:
 
     def _entry(self, entry: Any) -> _Entry:
         text = str(entry.door_state)
-        state = thesis_state(text)
+        state = door_model.thesis_state(text)
         if state is None:
             self._complain("a state other than OPEN, CLOSED, UNKNOWN; taken as UNKNOWN",
                            shown(text))  # fmt: skip
-            state = DoorState.UNKNOWN
-        for what in suspect_units(theta=entry.pos_theta, width=entry.width):
+            state = door_model.DoorState.UNKNOWN
+        for what in door_model.suspect_units(theta=entry.pos_theta, width=entry.width):
             self._complain("a door whose values may be of another unit; taken as they are",
                            f"door {entry.door_id}: {what}")  # fmt: skip
         return _Entry(
@@ -332,19 +318,23 @@ class DoorMaps:
 
     def _added(
         self, number: int, entry: _Entry, happened_ns: int | None, others: set[int]
-    ) -> Iterator[Event]:
+    ) -> Iterator[ev.Event]:
         is_free = number not in self._context.known.used_ids
-        door = DoorId(number) if is_free else self._context.known.next_id_but(others)
-        yield DoorAdded(
+        door = door_model.DoorId(number) if is_free else self._context.known.next_id_but(others)
+        yield ev.DoorAdded(
             door_id=door, level=self._level, x=entry.x, y=entry.y, theta=entry.theta,
             width=entry.width, state=entry.state, prob_open=entry.prob_open,
             prob_closed=entry.prob_closed, happened_ns=happened_ns,
         )  # fmt: skip
         assert self._door_of is not None
         self._door_of[number] = door
-        yield DoorAnnotated(door_id=door, key=self._key, value=str(number), happened_ns=happened_ns)
+        yield ev.DoorAnnotated(
+            door_id=door, key=self._key, value=str(number), happened_ns=happened_ns
+        )
 
-    def _updated(self, door: Door, entry: _Entry, happened_ns: int | None) -> Iterator[Event]:
+    def _updated(
+        self, door: door_model.Door, entry: _Entry, happened_ns: int | None
+    ) -> Iterator[ev.Event]:
         changed = NOTHING
         if entry.is_placed:
             if (door.x, door.y, door.theta) != (entry.x, entry.y, entry.theta):
@@ -354,7 +344,7 @@ class DoorMaps:
         elif door.is_placed:
             self._complain("a door that has lost its place; it stays where it was",
                            f"door {door.door_id}")  # fmt: skip
-        if reduced(door.state) != entry.state:
+        if door_model.reduced(door.state) != entry.state:
             changed |= Changed.STATE
         if _is_other(door.prob_open, entry.prob_open):
             changed |= Changed.PROB_OPEN
@@ -364,7 +354,7 @@ class DoorMaps:
             changed |= PLACING
         if changed:
             moves, widens = Changed.POSE in changed, Changed.WIDTH in changed
-            yield DoorUpdated(
+            yield ev.DoorUpdated(
                 door_id=door.door_id,
                 changed=changed,
                 level=door.level,
@@ -372,13 +362,13 @@ class DoorMaps:
                 y=entry.y if moves else math.nan,
                 theta=entry.theta if moves else math.nan,
                 width=entry.width if widens else math.nan,
-                state=entry.state if Changed.STATE in changed else DoorState.UNKNOWN,
+                state=entry.state if Changed.STATE in changed else door_model.DoorState.UNKNOWN,
                 prob_open=entry.prob_open,
                 prob_closed=entry.prob_closed,
                 happened_ns=happened_ns,
             )
 
-    def _removed(self, numbers: set[int], happened_ns: int | None) -> Iterator[Event]:
+    def _removed(self, numbers: set[int], happened_ns: int | None) -> Iterator[ev.Event]:
         assert self._door_of is not None
         known = self._context.known
         for number, door in sorted(self._door_of.items()):
@@ -389,7 +379,7 @@ class DoorMaps:
                     self._complain("a door that is gone before it came, by the clock; it stays",
                                    f"door {door}")  # fmt: skip
                     continue
-                yield DoorRemoved(door_id=door, happened_ns=happened_ns)
+                yield ev.DoorRemoved(door_id=door, happened_ns=happened_ns)
             if door not in known.doors:
                 del self._door_of[number]
 
@@ -441,7 +431,7 @@ class ClickedDoors:
         self.said = ""
         """What the last message did, for who clicks."""
 
-    def events(self, got: TopicMessage) -> Iterator[Event]:
+    def events(self, got: TopicMessage) -> Iterator[ev.Event]:
         """Return a door, where the message is its second click."""
         self.said = ""
         click = self._click(got)
@@ -472,11 +462,11 @@ class ClickedDoors:
             f"door {new} from {first.x:.2f}, {first.y:.2f} to {click.x:.2f}, {click.y:.2f}, "
             f"{width:.2f} m wide; wrong? {command_line('remove', 'LOG', str(new))}"
         )
-        yield DoorAdded(
+        yield ev.DoorAdded(
             door_id=new, level=self._level, x=first.x, y=first.y, theta=theta, width=width,
             happened_ns=happened_ns,
         )  # fmt: skip
-        yield DoorAnnotated(door_id=new, key="name", value=name, happened_ns=happened_ns)
+        yield ev.DoorAnnotated(door_id=new, key="name", value=name, happened_ns=happened_ns)
 
     def actor(self, _got: TopicMessage) -> str:
         """Return nobody: a click has no actor."""
@@ -517,7 +507,7 @@ class ClickedDoors:
         )
         return True
 
-    def _there(self, first: _Click, second: _Click) -> Door | None:
+    def _there(self, first: _Click, second: _Click) -> door_model.Door | None:
         """Return the door of this level that has these ends, whichever way round."""
         ends = (first.x, first.y), (second.x, second.y)
         for door in self._context.known.doors.values():

@@ -24,37 +24,20 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from semmap_log.core.model.doors import DoorState
+from semmap_log.interop.formats.parsing import strict_yaml
 from semmap_log.interop.formats.parsing.problems import Problems, shown
-from semmap_log.interop.formats.parsing.strict_yaml import (
-    Mapping,
-    Node,
-    Scalar,
-    Sequence,
-    load_yaml,
-)
 from semmap_log.interop.formats.parsing.yaml_values import described, mapping_of, number_of, text_of
 from semmap_log.interop.formats.ros.ros_types import long_name, short_name, whole_topic
-from semmap_log.interop.topics.topic_rules import (
-    ONLY_TYPES,
-    READINGS,
-    Accuracy,
-    ReadClicks,
-    ReadPatrol,
-    ReadScan,
-    ReadSensor,
-    RosMapping,
-    TopicRule,
-    Value,
-)
+from semmap_log.interop.topics import topic_rules
 
 
-def read_mapping(path: Path) -> RosMapping:
+def read_mapping(path: Path) -> topic_rules.RosMapping:
     """Return what a mapping file says.
 
     Raises:
         FormatError: It cannot be read, or says what cannot be; each problem with its line.
     """
-    root = load_yaml(path)
+    root = strict_yaml.load_yaml(path)
     problems = Problems(path)
     mapping = _FileReader(problems).mapping(root)
     problems.raise_any()
@@ -67,16 +50,16 @@ class _FileReader:
     def __init__(self, problems: Problems) -> None:
         self.problems = problems
 
-    def mapping(self, root: Node) -> RosMapping:
+    def mapping(self, root: strict_yaml.Node) -> topic_rules.RosMapping:
         top = mapping_of(root, "a mapping file", self.problems)
         if top is None:
-            return RosMapping()
+            return topic_rules.RosMapping()
         keys = _Keys("a mapping file", top, self.problems)
         topics = self.topics(keys)
         poses = keys.inner("poses", "poses")
         frames = keys.inner("frames", "frames")
-        default = RosMapping()
-        mapping = RosMapping(
+        default = topic_rules.RosMapping()
+        mapping = topic_rules.RosMapping(
             topics=topics,
             well_known=keys.flag("well_known", default=False),
             level=keys.text("level", "") or None,
@@ -99,7 +82,7 @@ class _FileReader:
             )
         return mapping
 
-    def topics(self, keys: _Keys) -> dict[str, TopicRule]:
+    def topics(self, keys: _Keys) -> dict[str, topic_rules.TopicRule]:
         node = keys.node("topics")
         found = None if node is None else mapping_of(node, "topics", self.problems)
         if found is None:
@@ -122,17 +105,17 @@ class _FileReader:
                 rules[topic] = rule
         return rules
 
-    def rule(self, topic: str, node: Node) -> TopicRule | None:
-        if not isinstance(node, Mapping):
+    def rule(self, topic: str, node: strict_yaml.Node) -> topic_rules.TopicRule | None:
+        if not isinstance(node, strict_yaml.Mapping):
             word = text_of(node, topic, self.problems)
-            node = Mapping(node.line, {"read": node}, {"read": node.line})
+            node = strict_yaml.Mapping(node.line, {"read": node}, {"read": node.line})
             if word is None:
                 return None
         keys = _Keys(topic, node, self.problems)
-        word = keys.choice("read", tuple(READINGS), default="")
+        word = keys.choice("read", tuple(topic_rules.READINGS), default="")
         if not word:
             return None
-        reading = READINGS[word]
+        reading = topic_rules.READINGS[word]
         values = {
             name: read(keys) for name, read in _OPTIONS.items() if name in reading.__slots__
         } | {name: read(keys) for name, read in _OWN.get(reading, {}).items()}
@@ -140,10 +123,10 @@ class _FileReader:
         keys.check_known_keys()
         self.check_type(keys, word, ros_type)
         check_sense(keys, values)
-        return TopicRule(reading(**values), long_name(ros_type) if ros_type else "")
+        return topic_rules.TopicRule(reading(**values), long_name(ros_type) if ros_type else "")
 
     def check_type(self, keys: _Keys, word: str, ros_type: str) -> None:
-        possible = ONLY_TYPES.get(READINGS[word], ())
+        possible = topic_rules.ONLY_TYPES.get(topic_rules.READINGS[word], ())
         if ros_type and possible and long_name(ros_type) not in possible:
             names = " or ".join(short_name(name) for name in possible)
             keys.refuse("type", f"{names} (what {word} reads)")
@@ -175,20 +158,20 @@ _SECONDS = ("seconds, 0 to 1e9", (0.0, 1e9))
 class _Keys:
     """The keys of a mapping, each taken once; what is left over at the end is unknown."""
 
-    def __init__(self, what: str, found: Mapping, problems: Problems) -> None:
+    def __init__(self, what: str, found: strict_yaml.Mapping, problems: Problems) -> None:
         self.what = what
         self.found = found
         self.problems = problems
         self.known: list[str] = []
 
-    def node(self, key: str) -> Node | None:
+    def node(self, key: str) -> strict_yaml.Node | None:
         self.known.append(key)
         return self.found.entries.get(key)
 
     def inner(self, key: str, what: str) -> _Keys:
         node = self.node(key)
         found = None if node is None else mapping_of(node, what, self.problems)
-        return _Keys(what, found or Mapping(self.found.line, {}, {}), self.problems)
+        return _Keys(what, found or strict_yaml.Mapping(self.found.line, {}, {}), self.problems)
 
     def text(self, key: str, default: str, form: _Form | None = None) -> str:
         node = self.node(key)
@@ -206,7 +189,7 @@ class _Keys:
         node = self.node(key)
         if node is None:
             return default
-        if isinstance(node, Scalar) and isinstance(node.value, bool):
+        if isinstance(node, strict_yaml.Scalar) and isinstance(node.value, bool):
             return node.value
         self.refuse(key, "true or false")
         return default
@@ -234,15 +217,19 @@ class _Keys:
             return default
         return word
 
-    def values(self, key: str) -> list[Scalar] | None:
+    def values(self, key: str) -> list[strict_yaml.Scalar] | None:
         """Return a list of single values; one alone is a list of it; None: there is no such key."""
         node = self.node(key)
         if node is None:
             return None
-        items = node.items if isinstance(node, Sequence) else [node]
-        if any(not isinstance(item, Scalar) or item.value is None for item in items):
+        items = node.items if isinstance(node, strict_yaml.Sequence) else [node]
+        if any(not isinstance(item, strict_yaml.Scalar) or item.value is None for item in items):
             self.refuse(key, "a value, or a list of values")
-        return [item for item in items if isinstance(item, Scalar) and item.value is not None]
+        return [
+            item
+            for item in items
+            if isinstance(item, strict_yaml.Scalar) and item.value is not None
+        ]
 
     def refuse(self, key: str, expected: str) -> None:
         node = self.found.entries[key]
@@ -269,10 +256,10 @@ def _frame(name: str) -> str:
     return name.removeprefix("/")
 
 
-def _accuracy(keys: _Keys) -> Accuracy:
+def _accuracy(keys: _Keys) -> topic_rules.Accuracy:
     expected, within = "a number from 0.5 to 1", (0.5, 1.0)
     both = keys.number("accuracy", 1.0, expected, within)
-    return Accuracy(
+    return topic_rules.Accuracy(
         keys.number("accuracy_open", both, expected, within),
         keys.number("accuracy_closed", both, expected, within),
     )
@@ -283,9 +270,9 @@ def _doors(keys: _Keys) -> dict[str, str]:
     return {name: inner.needed_name(name) for name in inner.found.entries}
 
 
-def _states(keys: _Keys) -> dict[Value, DoorState]:
+def _states(keys: _Keys) -> dict[topic_rules.Value, DoorState]:
     inner = keys.inner("states", f"{keys.what}: states")
-    states: dict[Value, DoorState] = {}
+    states: dict[topic_rules.Value, DoorState] = {}
     for state in DoorState:
         for each in inner.values(state.name.lower()) or ():
             for value in (each.value, each.text):
@@ -296,8 +283,10 @@ def _states(keys: _Keys) -> dict[Value, DoorState]:
     return states
 
 
-def _marks(key: str, default: tuple[Value, ...]) -> Callable[[_Keys], tuple[Value, ...]]:
-    def read(keys: _Keys) -> tuple[Value, ...]:
+def _marks(
+    key: str, default: tuple[topic_rules.Value, ...]
+) -> Callable[[_Keys], tuple[topic_rules.Value, ...]]:
+    def read(keys: _Keys) -> tuple[topic_rules.Value, ...]:
         found = keys.values(key)
         if found is None:
             return default
@@ -311,7 +300,7 @@ def _heights(keys: _Keys, default: tuple[float, float]) -> tuple[float, float]:
     node = keys.node("heights")
     if node is None:
         return default
-    items = node.items if isinstance(node, Sequence) else []
+    items = node.items if isinstance(node, strict_yaml.Sequence) else []
     found = [number_of(item, f"{keys.what}: heights", keys.problems) for item in items]
     if len(found) != 2 or None in found or not found[0] < found[1]:  # type: ignore[operator]
         keys.refuse("heights", expected)
@@ -337,26 +326,28 @@ _OPTIONS: dict[str, Callable[[_Keys], Any]] = {
 """How the options are read that several readings share, by the field's name."""
 
 _OWN: dict[type, dict[str, Callable[[_Keys], Any]]] = {
-    ReadScan: {
+    topic_rules.ReadScan: {
         "robot": lambda keys: keys.text("robot", "") if "robot" in keys.found.entries else None,
         "pose_topic": _pose_topic,
-        "heights": lambda keys: _heights(keys, ReadScan().heights),
+        "heights": lambda keys: _heights(keys, topic_rules.ReadScan().heights),
     },
-    ReadClicks: {
-        "within_s": lambda keys: keys.number("within", ReadClicks().within_s, *_SECONDS),
-        "heights": lambda keys: _heights(keys, ReadClicks().heights),
+    topic_rules.ReadClicks: {
+        "within_s": lambda keys: keys.number(
+            "within", topic_rules.ReadClicks().within_s, *_SECONDS
+        ),
+        "heights": lambda keys: _heights(keys, topic_rules.ReadClicks().heights),
     },
-    ReadSensor: {
+    topic_rules.ReadSensor: {
         "door": lambda keys: keys.needed_name("door"),
         "path": lambda keys: keys.text("field", "data", _PATH),
         "states": _states,
         "open_above": lambda keys: keys.number("open_above", math.nan, "a number", _ANY),
         "closed_below": lambda keys: keys.number("closed_below", math.nan, "a number", _ANY),
     },
-    ReadPatrol: {
+    topic_rules.ReadPatrol: {
         "path": lambda keys: keys.text("field", "data", _PATH),
-        "starts": _marks("starts", ReadPatrol().starts),
-        "finishes": _marks("finishes", ReadPatrol().finishes),
+        "starts": _marks("starts", topic_rules.ReadPatrol().starts),
+        "finishes": _marks("finishes", topic_rules.ReadPatrol().finishes),
         "name": lambda keys: keys.text("name", ""),
     },
 }

@@ -16,17 +16,8 @@ from typing import Any, Protocol
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.levels import resolve_level
 from semmap_log.core.io.clock import MAX_TIME_NS
+from semmap_log.core.model import events as ev
 from semmap_log.core.model.doors import Door, DoorId, DoorMap, next_door_id
-from semmap_log.core.model.events import (
-    ClassDefined,
-    DoorAdded,
-    DoorAnnotated,
-    DoorEvent,
-    Event,
-    FloorMap,
-    PatrolFinished,
-    PatrolStarted,
-)
 from semmap_log.core.model.meaning import Presence
 from semmap_log.errors import UnknownDoorError, UnknownLevelError
 from semmap_log.interop.formats.parsing.problems import shown
@@ -89,7 +80,7 @@ class TopicReader(Protocol):
     lacks may raise: AttributeError and the like are complained about by who calls.
     """
 
-    def events(self, got: TopicMessage) -> Iterable[Event]:
+    def events(self, got: TopicMessage) -> Iterable[ev.Event]:
         """Return what a message says, as events."""
 
     def actor(self, got: TopicMessage) -> str:
@@ -110,7 +101,7 @@ class DoorsByName:
 
     def find(
         self, name: str, happened_ns: int | None, *, or_id: bool = True
-    ) -> tuple[DoorId | None, list[Event]]:
+    ) -> tuple[DoorId | None, list[ev.Event]]:
         """Return the door, and the events that make it where it is new; None: passed over.
 
         Args:
@@ -137,8 +128,8 @@ class DoorsByName:
             return None, []
         new = known.next_id
         return new, [
-            DoorAdded(door_id=new, level=level, happened_ns=happened_ns),
-            DoorAnnotated(door_id=new, key="name", value=plain, happened_ns=happened_ns),
+            ev.DoorAdded(door_id=new, level=level, happened_ns=happened_ns),
+            ev.DoorAnnotated(door_id=new, key="name", value=plain, happened_ns=happened_ns),
         ]
 
     def _placed(self, name: str) -> tuple[int, str]:
@@ -253,7 +244,7 @@ class Known:
     def __init__(self, state: DoorMapState | None = None) -> None:
         """Begin with a state, which is changed from here on."""
         self._state = state or DoorMapState()
-        self.floor_maps: dict[int, FloorMap] = {}
+        self.floor_maps: dict[int, ev.FloorMap] = {}
         """By the level; those that are looked up."""
         self.last_started = 0
         """The greatest number of a round that began."""
@@ -275,10 +266,10 @@ class Known:
         for level in state.door_map().levels.values():
             if level.floor_map_event is not None:
                 drawn = log.event(level.floor_map_event).event
-                assert isinstance(drawn, FloorMap)
+                assert isinstance(drawn, ev.FloorMap)
                 known.floor_maps[level.level] = drawn
-        known.last_started = log.last_patrol(PatrolStarted)
-        known.last_finished = log.last_patrol(PatrolFinished)
+        known.last_started = log.last_patrol(ev.PatrolStarted)
+        known.last_finished = log.last_patrol(ev.PatrolFinished)
         return known
 
     @property
@@ -340,27 +331,27 @@ class Known:
         """Return the map as it is now, whatever is applied later."""
         return self._state.door_map()
 
-    def apply(self, event: Event) -> None:
+    def apply(self, event: ev.Event) -> None:
         """Take in what an event changes; one without a time happens last of all."""
         if event.happened_ns is None:
             event = replace(event, happened_ns=self._state.latest_happened_ns)
         before = self._name_of(event)
         self._state.apply_one(event, self._state.event + 1)
-        if isinstance(event, DoorEvent):
+        if isinstance(event, ev.DoorEvent):
             self._stale.add(event.door_id)
             self._call(event.door_id, before, self._name_of(event))
-        elif isinstance(event, ClassDefined):
+        elif isinstance(event, ev.ClassDefined):
             self._stale.update(self._doors)
-        elif isinstance(event, FloorMap):
+        elif isinstance(event, ev.FloorMap):
             self.floor_maps[event.level] = event
-        elif isinstance(event, PatrolStarted):
+        elif isinstance(event, ev.PatrolStarted):
             self.last_started = max(self.last_started, event.patrol)
-        elif isinstance(event, PatrolFinished):
+        elif isinstance(event, ev.PatrolFinished):
             self.last_finished = max(self.last_finished, event.patrol)
 
-    def _name_of(self, event: Event) -> str | None:
+    def _name_of(self, event: ev.Event) -> str | None:
         """Return what the door is called that an event may call otherwise."""
-        if isinstance(event, DoorAnnotated) or event.effect.presence is not Presence.STAYS:
+        if isinstance(event, ev.DoorAnnotated) or event.effect.presence is not Presence.STAYS:
             door = self._state.door(event.door_id)  # type: ignore[attr-defined]
             return door.name if door else None
         return None

@@ -10,20 +10,7 @@ from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 from semmap_log.core.model.doors import DoorState
-from semmap_log.interop.formats.ros.ros_types import (
-    DOOR_MAP,
-    GRID,
-    LASER_SCAN,
-    ODOMETRY,
-    POINT_CLOUD,
-    POINT_STAMPED,
-    POSE_STAMPED,
-    POSE_WITH_COVARIANCE,
-    RMF_DOOR_REQUEST,
-    RMF_DOOR_STATE,
-    TRANSFORMS,
-    whole_topic,
-)
+from semmap_log.interop.formats.ros import ros_types
 
 Unknown = Literal["add", "ignore", "error"]
 """What becomes of a door that nobody knows: an unplaced door of that name, nothing, a complaint."""
@@ -190,16 +177,16 @@ READINGS: Mapping[str, type[Reading]] = {
 """By the word that a mapping file uses."""
 
 ONLY_TYPES: Mapping[type[Reading], tuple[str, ...]] = {
-    ReadDoorMap: (DOOR_MAP,),
-    ReadRmfState: (RMF_DOOR_STATE,),
-    ReadRmfRequest: (RMF_DOOR_REQUEST,),
-    ReadPose: (POSE_STAMPED, POSE_WITH_COVARIANCE),
-    ReadTransforms: (TRANSFORMS, "tf/msg/tfMessage"),
-    ReadFloorMap: (GRID,),
-    ReadScan: (LASER_SCAN, POINT_CLOUD),
-    ReadClicks: (POINT_STAMPED,),
-    ReadFrames: (TRANSFORMS, "tf/msg/tfMessage"),
-    ReadPlace: (POSE_STAMPED, POSE_WITH_COVARIANCE, ODOMETRY),
+    ReadDoorMap: (ros_types.DOOR_MAP,),
+    ReadRmfState: (ros_types.RMF_DOOR_STATE,),
+    ReadRmfRequest: (ros_types.RMF_DOOR_REQUEST,),
+    ReadPose: (ros_types.POSE_STAMPED, ros_types.POSE_WITH_COVARIANCE),
+    ReadTransforms: (ros_types.TRANSFORMS, "tf/msg/tfMessage"),
+    ReadFloorMap: (ros_types.GRID,),
+    ReadScan: (ros_types.LASER_SCAN, ros_types.POINT_CLOUD),
+    ReadClicks: (ros_types.POINT_STAMPED,),
+    ReadFrames: (ros_types.TRANSFORMS, "tf/msg/tfMessage"),
+    ReadPlace: (ros_types.POSE_STAMPED, ros_types.POSE_WITH_COVARIANCE, ros_types.ODOMETRY),
 }
 """Which messages can be read so; the others take any."""
 
@@ -216,7 +203,9 @@ class TopicRule:
     def expected_type(self) -> str:
         """The type to ask for before anybody publishes the topic; "": it is not known yet."""
         known = ONLY_TYPES.get(type(self.reading), ())
-        return self.ros_type or (known[0] if len(known) == 1 or TRANSFORMS in known else "")
+        return self.ros_type or (
+            known[0] if len(known) == 1 or ros_types.TRANSFORMS in known else ""
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,8 +258,8 @@ class RosMapping:
             pose_topic: Of all its lasers, where it is given.
             heights: The same.
         """
-        named = [whole_topic(topic) for topic in topics]
-        pose_topic = whole_topic(pose_topic) if pose_topic else ""
+        named = [ros_types.whole_topic(topic) for topic in topics]
+        pose_topic = ros_types.whole_topic(pose_topic) if pose_topic else ""
         rules = {topic: TopicRule(ReadScan()) for topic in named} | {
             topic: rule
             for topic, rule in self.topics.items()
@@ -291,7 +280,7 @@ class RosMapping:
         mapping = self.with_scans([topic for topic in topics if topic], pose_topic, heights)
         named = any(isinstance(rule.reading, ReadScan) for rule in mapping.topics.values())
         is_any = "" in topics and not named
-        pose_topic = whole_topic(pose_topic) if pose_topic else ""
+        pose_topic = ros_types.whole_topic(pose_topic) if pose_topic else ""
         return replace(mapping, scans=ReadScan().told(pose_topic, heights)) if is_any else mapping
 
     def with_clicks(self) -> RosMapping:
@@ -337,9 +326,9 @@ class RosMapping:
             return TopicRule(ReadPlace(namespace))
         if ros_type in ONLY_TYPES[ReadFrames] and name in {"tf", "tf_static"}:
             return TopicRule(ReadFrames(namespace))
-        if ros_type == POSE_WITH_COVARIANCE and name == "amcl_pose":
+        if ros_type == ros_types.POSE_WITH_COVARIANCE and name == "amcl_pose":
             return TopicRule(ReadPlace(namespace))
-        if ros_type == LASER_SCAN and name == "scan" and self.scans is not None:
+        if ros_type == ros_types.LASER_SCAN and name == "scan" and self.scans is not None:
             return TopicRule(self.scans)
         return None
 
@@ -353,15 +342,15 @@ _POSES = frozenset({"/amcl_pose", "/robot_pose", "/semmap/robot_pose"})
 
 def well_known_rule(topic: str, ros_type: str) -> TopicRule | None:
     """Return how a topic is read that no mapping names: by its type, some by their names, too."""
-    if ros_type == DOOR_MAP:
+    if ros_type == ros_types.DOOR_MAP:
         return TopicRule(ReadDoorMap())
-    if ros_type == RMF_DOOR_STATE:
+    if ros_type == ros_types.RMF_DOOR_STATE:
         return TopicRule(ReadRmfState())
-    if ros_type == RMF_DOOR_REQUEST:
+    if ros_type == ros_types.RMF_DOOR_REQUEST:
         return TopicRule(ReadRmfRequest())
     if ros_type in ONLY_TYPES[ReadPose] and topic in _POSES:
         return TopicRule(ReadPose())
-    if ros_type == GRID and (floor := _FLOOR.fullmatch(topic)):
+    if ros_type == ros_types.GRID and (floor := _FLOOR.fullmatch(topic)):
         return TopicRule(ReadFloorMap(floor[1]))
     return None
 
@@ -370,8 +359,8 @@ WELL_KNOWN = RosMapping(well_known=True)
 """What holds without a mapping file."""
 
 EXPECTED_TOPICS: Mapping[str, str] = {
-    "/lta_semantic_map_door_db": DOOR_MAP,
-    "/door_states": RMF_DOOR_STATE,
-    "/door_requests": RMF_DOOR_REQUEST,
+    "/lta_semantic_map_door_db": ros_types.DOOR_MAP,
+    "/door_states": ros_types.RMF_DOOR_STATE,
+    "/door_requests": ros_types.RMF_DOOR_REQUEST,
 }
 """Well-known topics of one type: a recorder need not wait until somebody publishes them."""

@@ -14,55 +14,15 @@ from typing import Any
 
 import numpy as np
 
+from semmap_log.core.model import events as ev
 from semmap_log.core.model.doors import MAX_LEVEL, DoorId, DoorState
-from semmap_log.core.model.events import (
-    DoorObserved,
-    DoorRequested,
-    Event,
-    FloorMap,
-    PatrolFinished,
-    PatrolStarted,
-)
 from semmap_log.core.model.rigid_transform import yaw_of
 from semmap_log.errors import CommandError, SemmapError, UnknownLevelError
 from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.interop.formats.ros.ros_types import MessageType, decode_message, short_name
-from semmap_log.interop.topics.door_maps import (
-    ClickedDoors,
-    DoorMaps,
-    PoseFilter,
-    Poses,
-    Transforms,
-)
+from semmap_log.interop.topics import door_maps, topic_reader, topic_rules
 from semmap_log.interop.topics.lasers.laser_topics import LaserScans, RobotFrames, RobotPlaces
 from semmap_log.interop.topics.lasers.lasers import Lasers, RobotScan
-from semmap_log.interop.topics.topic_reader import (
-    Context,
-    DoorsByName,
-    Known,
-    TopicMessage,
-    TopicProblems,
-    TopicReader,
-    field_of,
-)
-from semmap_log.interop.topics.topic_rules import (
-    ONLY_TYPES,
-    Accuracy,
-    ReadClicks,
-    ReadDoorMap,
-    ReadFloorMap,
-    ReadFrames,
-    ReadPatrol,
-    ReadPlace,
-    ReadPose,
-    ReadRmfRequest,
-    ReadRmfState,
-    ReadScan,
-    ReadSensor,
-    ReadTransforms,
-    RosMapping,
-    TopicRule,
-)
 from semmap_log.log.door_log.rebasing import are_same
 
 
@@ -70,7 +30,7 @@ from semmap_log.log.door_log.rebasing import are_same
 class Made:
     """What became of a message."""
 
-    events: list[Event]
+    events: list[ev.Event]
     """In order; empty: the message has nothing new, or nothing possible."""
     actor: str = ""
     """Who did it, if the message says so."""
@@ -84,16 +44,21 @@ class Made:
 class Translator:
     """Makes events of messages, and knows the doors as they are after each."""
 
-    def __init__(self, mapping: RosMapping, known: Known, complaints: TopicProblems) -> None:
+    def __init__(
+        self,
+        mapping: topic_rules.RosMapping,
+        known: topic_reader.Known,
+        complaints: topic_reader.TopicProblems,
+    ) -> None:
         self.mapping = mapping
         self.complaints = complaints
-        self._context = Context(mapping, known, complaints)
-        self._track = PoseFilter(mapping.moved_m, mapping.turned_rad)
+        self._context = topic_reader.Context(mapping, known, complaints)
+        self._track = door_maps.PoseFilter(mapping.moved_m, mapping.turned_rad)
         self.lasers = Lasers(mapping, complaints)
-        self._readers: dict[str, TopicReader] = {}
-        self._rules: dict[str, TopicRule] = {}
+        self._readers: dict[str, topic_reader.TopicReader] = {}
+        self._rules: dict[str, topic_rules.TopicRule] = {}
 
-    def read_topic(self, topic: str, rule: TopicRule) -> None:
+    def read_topic(self, topic: str, rule: topic_rules.TopicRule) -> None:
         """Read a topic from now on.
 
         Raises:
@@ -116,7 +81,7 @@ class Translator:
             received_ns: When it came: by the bag, or by the node's clock.
         """
         rule = self._rules[topic]
-        possible = ONLY_TYPES.get(type(rule.reading), ())
+        possible = topic_rules.ONLY_TYPES.get(type(rule.reading), ())
         if possible and message_type.name not in possible:
             names = " or ".join(short_name(name) for name in possible)
             kind = f"a {short_name(message_type.name)}, expected {names}; passed over"
@@ -127,7 +92,7 @@ class Translator:
         except SemmapError as error:
             self.complaints.add(topic, "a message that cannot be read; passed over", error)
             return Made([])
-        made = self._made(TopicMessage(topic, message, received_ns, message_type.name))
+        made = self._made(topic_reader.TopicMessage(topic, message, received_ns, message_type.name))
         if self.mapping.reads_scans and isinstance(rule.reading, _PLACING):
             return replace(made, scans=list(self.lasers.placed()))
         return made
@@ -138,27 +103,29 @@ class Translator:
 
     def why_no_poses(self) -> tuple[str, ...]:
         """Return of each topic of transforms why it never gave a pose, in words."""
-        readers = [each for each in self._readers.values() if isinstance(each, Transforms)]
+        readers = [
+            each for each in self._readers.values() if isinstance(each, door_maps.Transforms)
+        ]
         return tuple(filter(None, (reader.why_no_pose() for reader in readers)))
 
-    def heed(self, events: Sequence[Event]) -> None:
+    def heed(self, events: Sequence[ev.Event]) -> None:
         """Take in events that others made: messages are compared with what is known."""
         for event in events:
             self._context.known.apply(event)
 
-    def reset_known(self, known: Known) -> None:
+    def reset_known(self, known: topic_reader.Known) -> None:
         """Take the log as it stands for what is known: some events were not stored."""
         self._context.known = known
         for reader in self._readers.values():
-            if isinstance(reader, DoorMaps):
+            if isinstance(reader, door_maps.DoorMaps):
                 reader.forget()
 
-    def _made(self, got: TopicMessage) -> Made:
+    def _made(self, got: topic_reader.TopicMessage) -> Made:
         reader, known = self._readers[got.topic], self._context.known
-        events: list[Event] = []
+        events: list[ev.Event] = []
         try:
             for event in reader.events(got):
-                if isinstance(event, DoorObserved):
+                if isinstance(event, ev.DoorObserved):
                     events += self._track.at_sighting()
                 known.apply(event)
                 events.append(event)
@@ -172,31 +139,41 @@ class Translator:
             self.complaints.add(got.topic, "a message that cannot be; passed over", said)
             return Made(events)
         rule = self._rules[got.topic].reading
-        said = reader.said if isinstance(reader, ClickedDoors) else ""
-        return Made(events, actor, rule.name if isinstance(rule, ReadPatrol) else "", said)
+        said = reader.said if isinstance(reader, door_maps.ClickedDoors) else ""
+        return Made(
+            events, actor, rule.name if isinstance(rule, topic_rules.ReadPatrol) else "", said
+        )
 
-    def _reader(self, topic: str, rule: TopicRule) -> TopicReader:
+    def _reader(self, topic: str, rule: topic_rules.TopicRule) -> topic_reader.TopicReader:
         context, track, lasers = self._context, self._track, self.lasers
-        makers: dict[type, Callable[[Any], TopicReader]] = {
-            ReadDoorMap: lambda reading: DoorMaps(topic, reading, context),
-            ReadRmfState: lambda reading: RmfStates(topic, reading, context),
-            ReadRmfRequest: lambda reading: RmfRequests(topic, reading, context),
-            ReadSensor: lambda reading: SensorReader(topic, reading, context),
-            ReadPose: lambda reading: Poses(topic, reading, context, track, lasers),
-            ReadTransforms: lambda reading: Transforms(
+        makers: dict[type, Callable[[Any], topic_reader.TopicReader]] = {
+            topic_rules.ReadDoorMap: lambda reading: door_maps.DoorMaps(topic, reading, context),
+            topic_rules.ReadRmfState: lambda reading: RmfStates(topic, reading, context),
+            topic_rules.ReadRmfRequest: lambda reading: RmfRequests(topic, reading, context),
+            topic_rules.ReadSensor: lambda reading: SensorReader(topic, reading, context),
+            topic_rules.ReadPose: lambda reading: door_maps.Poses(
+                topic, reading, context, track, lasers
+            ),
+            topic_rules.ReadTransforms: lambda reading: door_maps.Transforms(
                 reading, context, track, lasers.tree(reading.robot)
             ),
-            ReadScan: lambda reading: LaserScans(topic, reading, context, lasers),
-            ReadFrames: lambda reading: RobotFrames(reading, context, lasers),
-            ReadPlace: lambda reading: RobotPlaces(reading, context, lasers),
-            ReadFloorMap: lambda reading: FloorMaps(topic, reading, context),
-            ReadClicks: lambda reading: ClickedDoors(topic, reading, context),
-            ReadPatrol: lambda reading: Rounds(reading, context),
+            topic_rules.ReadScan: lambda reading: LaserScans(topic, reading, context, lasers),
+            topic_rules.ReadFrames: lambda reading: RobotFrames(reading, context, lasers),
+            topic_rules.ReadPlace: lambda reading: RobotPlaces(reading, context, lasers),
+            topic_rules.ReadFloorMap: lambda reading: FloorMaps(topic, reading, context),
+            topic_rules.ReadClicks: lambda reading: door_maps.ClickedDoors(topic, reading, context),
+            topic_rules.ReadPatrol: lambda reading: Rounds(reading, context),
         }
         return makers[type(rule.reading)](rule.reading)
 
 
-_PLACING = (ReadScan, ReadFrames, ReadPlace, ReadTransforms, ReadPose)
+_PLACING = (
+    topic_rules.ReadScan,
+    topic_rules.ReadFrames,
+    topic_rules.ReadPlace,
+    topic_rules.ReadTransforms,
+    topic_rules.ReadPose,
+)
 """What can give a scan its place."""
 
 _CLEAR_ERRORS = (SemmapError, ValueError, OverflowError)
@@ -211,12 +188,14 @@ MOST_CELLS = 100_000_000
 class FloorMaps:
     """Reads a map's topic."""
 
-    def __init__(self, topic: str, rule: ReadFloorMap, context: Context) -> None:
+    def __init__(
+        self, topic: str, rule: topic_rules.ReadFloorMap, context: topic_reader.Context
+    ) -> None:
         self._topic = topic
         self._context = context
         self._level = _level(rule.level, context)
 
-    def events(self, got: TopicMessage) -> Iterator[Event]:
+    def events(self, got: topic_reader.TopicMessage) -> Iterator[ev.Event]:
         """Return the floor plan, unless it is the one that is known."""
         frame = got.message.header.frame_id.removeprefix("/")
         if frame != self._context.mapping.map_frame:
@@ -231,16 +210,16 @@ class FloorMaps:
         if known is None or not are_same([drawn], [known]):
             yield replace(drawn, happened_ns=self._context.happened_ns(got))
 
-    def actor(self, _got: TopicMessage) -> str:
+    def actor(self, _got: topic_reader.TopicMessage) -> str:
         """Return nobody."""
         return ""
 
-    def _drawn(self, got: TopicMessage) -> FloorMap:
+    def _drawn(self, got: topic_reader.TopicMessage) -> ev.FloorMap:
         info = got.message.info
         cells = np.asarray(got.message.data, np.int8)
         if cells.size != info.width * info.height or not 0 < cells.size <= MOST_CELLS:
             raise ValueError(f"{cells.size:,} cells for a map of {info.width} x {info.height}")
-        return FloorMap(
+        return ev.FloorMap(
             level=self._level,
             resolution=float(info.resolution),
             origin_x=info.origin.position.x,
@@ -250,7 +229,7 @@ class FloorMaps:
         )
 
 
-def _level(text: str | None, context: Context) -> int:
+def _level(text: str | None, context: topic_reader.Context) -> int:
     """Return the level that is drawn; a number may be that of a new one.
 
     Raises:
@@ -273,20 +252,20 @@ class Rounds:
     it ended. Nav2's FollowWaypoints and move_base are such actions.
     """
 
-    def __init__(self, rule: ReadPatrol, context: Context) -> None:
+    def __init__(self, rule: topic_rules.ReadPatrol, context: topic_reader.Context) -> None:
         self._rule = rule
         self._context = context
         self._goal: bytes | None = None
         """Whose round is under way; None: no action's status has one."""
 
-    def events(self, got: TopicMessage) -> Iterator[Event]:
+    def events(self, got: topic_reader.TopicMessage) -> Iterator[ev.Event]:
         """Return the beginning or the end of a round."""
         happened_ns = self._context.happened_ns(got)
         status_list = getattr(got.message, "status_list", None)
         if status_list is not None:
             yield from self._of_status(status_list, happened_ns)
             return
-        value = field_of(got.message, self._rule.path)
+        value = topic_reader.field_of(got.message, self._rule.path)
         if _is_among(value, self._rule.starts):
             yield from self._begin(happened_ns)
         elif _is_among(value, self._rule.finishes):
@@ -296,11 +275,11 @@ class Rounds:
                 got.topic, "a value that marks no round; passed over", shown(value)
             )
 
-    def actor(self, _got: TopicMessage) -> str:
+    def actor(self, _got: topic_reader.TopicMessage) -> str:
         """Return nobody."""
         return ""
 
-    def _of_status(self, status_list: object, happened_ns: int | None) -> Iterator[Event]:
+    def _of_status(self, status_list: object, happened_ns: int | None) -> Iterator[ev.Event]:
         running = set()
         for each in status_list:  # type: ignore[attr-defined]
             is_ros2 = hasattr(each, "goal_info")
@@ -314,14 +293,14 @@ class Rounds:
             self._goal = min(running)
             yield from self._begin(happened_ns)
 
-    def _begin(self, happened_ns: int | None) -> Iterator[Event]:
+    def _begin(self, happened_ns: int | None) -> Iterator[ev.Event]:
         yield from self._end(happened_ns)
-        yield PatrolStarted(patrol=self._context.known.last_started + 1, happened_ns=happened_ns)
+        yield ev.PatrolStarted(patrol=self._context.known.last_started + 1, happened_ns=happened_ns)
 
-    def _end(self, happened_ns: int | None) -> Iterator[Event]:
+    def _end(self, happened_ns: int | None) -> Iterator[ev.Event]:
         known = self._context.known
         if known.last_started > known.last_finished:
-            yield PatrolFinished(patrol=known.last_started, happened_ns=happened_ns)
+            yield ev.PatrolFinished(patrol=known.last_started, happened_ns=happened_ns)
 
 
 def _is_among(value: object, marks: tuple[object, ...]) -> bool:
@@ -344,16 +323,20 @@ RMF_MODES = {
 class SightingMaker:
     """Makes sightings of one topic, and leaves out those that repeat."""
 
-    accuracy: Accuracy
+    accuracy: topic_rules.Accuracy
     repeats: RepeatFilter
 
     def of(
-        self, door: DoorId, state: DoorState, got: TopicMessage, happened_ns: int | None
-    ) -> Iterator[Event]:
+        self,
+        door: DoorId,
+        state: DoorState,
+        got: topic_reader.TopicMessage,
+        happened_ns: int | None,
+    ) -> Iterator[ev.Event]:
         """Yield the sighting, unless it repeats the one before."""
         at_ns = got.received_ns if happened_ns is None else happened_ns
         if not self.repeats.is_repeat(door, state, at_ns):
-            yield DoorObserved(
+            yield ev.DoorObserved(
                 door_id=door,
                 state=state,
                 accuracy_open=self.accuracy.open,
@@ -382,20 +365,22 @@ class RepeatFilter:
 class RmfStates:
     """Reads rmf_door_msgs/DoorState."""
 
-    def __init__(self, topic: str, rule: ReadRmfState, context: Context) -> None:
+    def __init__(
+        self, topic: str, rule: topic_rules.ReadRmfState, context: topic_reader.Context
+    ) -> None:
         self._doors = _RmfDoors(topic, rule, context)
         self._sightings = SightingMaker(
             rule.accuracy, RepeatFilter(int(context.mapping.repeats_s * 1e9))
         )
 
-    def events(self, got: TopicMessage) -> Iterator[Event]:
+    def events(self, got: topic_reader.TopicMessage) -> Iterator[ev.Event]:
         """Return a sighting, unless it repeats the last one."""
         said = self._doors.said(got, got.message.current_mode, got.message.door_time)
         yield from said.new
         if said.door is not None:
             yield from self._sightings.of(said.door, said.state, got, said.happened_ns)
 
-    def actor(self, _got: TopicMessage) -> str:
+    def actor(self, _got: topic_reader.TopicMessage) -> str:
         """Return nobody."""
         return ""
 
@@ -403,11 +388,13 @@ class RmfStates:
 class RmfRequests:
     """Reads rmf_door_msgs/DoorRequest; one that is sent again and again is kept once in a while."""
 
-    def __init__(self, topic: str, rule: ReadRmfRequest, context: Context) -> None:
+    def __init__(
+        self, topic: str, rule: topic_rules.ReadRmfRequest, context: topic_reader.Context
+    ) -> None:
         self._doors = _RmfDoors(topic, rule, context)
         self._repeats = RepeatFilter(int(context.mapping.repeats_s * 1e9))
 
-    def events(self, got: TopicMessage) -> Iterator[Event]:
+    def events(self, got: topic_reader.TopicMessage) -> Iterator[ev.Event]:
         """Return a request, unless the same actor requested the same a moment ago."""
         said = self._doors.said(got, got.message.requested_mode, got.message.request_time)
         yield from said.new
@@ -415,9 +402,11 @@ class RmfRequests:
             return
         at_ns = got.received_ns if said.happened_ns is None else said.happened_ns
         if not self._repeats.is_repeat(said.door, said.state, at_ns, self.actor(got)):
-            yield DoorRequested(door_id=said.door, state=said.state, happened_ns=said.happened_ns)
+            yield ev.DoorRequested(
+                door_id=said.door, state=said.state, happened_ns=said.happened_ns
+            )
 
-    def actor(self, got: TopicMessage) -> str:
+    def actor(self, got: topic_reader.TopicMessage) -> str:
         """Return who requested it."""
         return str(got.message.requester_id).replace("\0", "")
 
@@ -425,17 +414,19 @@ class RmfRequests:
 class SensorReader:
     """Reads a field of a message as the state of one door."""
 
-    def __init__(self, topic: str, rule: ReadSensor, context: Context) -> None:
+    def __init__(
+        self, topic: str, rule: topic_rules.ReadSensor, context: topic_reader.Context
+    ) -> None:
         self._rule = rule
         self._context = context
-        self._doors = DoorsByName(topic, context, rule.unknown, rule.level)
+        self._doors = topic_reader.DoorsByName(topic, context, rule.unknown, rule.level)
         self._sightings = SightingMaker(
             rule.accuracy, RepeatFilter(int(context.mapping.repeats_s * 1e9))
         )
 
-    def events(self, got: TopicMessage) -> Iterator[Event]:
+    def events(self, got: topic_reader.TopicMessage) -> Iterator[ev.Event]:
         """Return a sighting, unless it repeats the last one."""
-        value = field_of(got.message, self._rule.path)
+        value = topic_reader.field_of(got.message, self._rule.path)
         state = self._state(value)
         if state is None:
             self._context.complaints.add(
@@ -449,7 +440,7 @@ class SensorReader:
         if door is not None:
             yield from self._sightings.of(door, state, got, happened_ns)
 
-    def actor(self, _got: TopicMessage) -> str:
+    def actor(self, _got: topic_reader.TopicMessage) -> str:
         """Return nobody."""
         return ""
 
@@ -477,19 +468,24 @@ class _Said:
     """None: of no door that is read."""
     state: DoorState = DoorState.UNKNOWN
     happened_ns: int | None = None
-    new: Sequence[Event] = ()
+    new: Sequence[ev.Event] = ()
     """Events that add the door, before anything is reported about it."""
 
 
 class _RmfDoors:
     """Finds the door, the state and the time of Open-RMF's messages."""
 
-    def __init__(self, topic: str, rule: ReadRmfState | ReadRmfRequest, context: Context) -> None:
+    def __init__(
+        self,
+        topic: str,
+        rule: topic_rules.ReadRmfState | topic_rules.ReadRmfRequest,
+        context: topic_reader.Context,
+    ) -> None:
         self._ours = rule.doors
         self._context = context
-        self._doors = DoorsByName(topic, context, rule.unknown, rule.level)
+        self._doors = topic_reader.DoorsByName(topic, context, rule.unknown, rule.level)
 
-    def said(self, got: TopicMessage, mode: Any, stamp: Any) -> _Said:
+    def said(self, got: topic_reader.TopicMessage, mode: Any, stamp: Any) -> _Said:
         """Return what a message says; what it says amiss is complained about.
 
         Args:

@@ -15,37 +15,15 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from semmap_log import errors
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.model.commits import Note
 from semmap_log.core.model.doors import DoorId, DoorMap, DoorState
 from semmap_log.core.model.events import DoorRemoved, DoorUpdated, Event, Retracted
 from semmap_log.core.model.meaning import Changed
 from semmap_log.core.model.moments import Moment, format_wall
-from semmap_log.errors import (
-    CommandError,
-    MomentError,
-    QuestionError,
-    SemmapError,
-    UnknownDoorError,
-)
 from semmap_log.interop.formats.parsing.problems import shown
-from semmap_log.live.planners.door_view import (
-    HOLDS,
-    STATE_QUESTIONS,
-    DoorView,
-    KnownDoors,
-    LikelyAnswers,
-    atom_of_state,
-    nothing,
-    state_answer,
-)
-from semmap_log.live.planners.parsed_questions import (
-    BY_NAME,
-    QUESTIONS,
-    ParsedQuestion,
-    QuestionKind,
-    similar,
-)
+from semmap_log.live.planners import door_view, parsed_questions
 from semmap_log.live.planners.question_lines import Answer, Value, as_word
 from semmap_log.live.ros.serving.door_server import when_ns
 from semmap_log.log.door_log.door_commands import content_of
@@ -59,12 +37,12 @@ LIKELY_QUESTIONS = {"BEST_TIME", "NEXT_DOOR"}
 ENDS = Answer(value=False, reason="the server ends.")
 
 
-def is_wait(asked: ParsedQuestion) -> bool:
+def is_wait(asked: parsed_questions.ParsedQuestion) -> bool:
     """Return whether a question may wait for long, and for nothing but a change of a door."""
     return asked.question.name == "WAIT_UNTIL"
 
 
-def is_likely(asked: ParsedQuestion) -> bool:
+def is_likely(asked: parsed_questions.ParsedQuestion) -> bool:
     """Return whether a question is about what is likely: its answer may take long."""
     return asked.question.name in LIKELY_QUESTIONS or asked.learnt_at is not None
 
@@ -93,14 +71,14 @@ class Oracle:
         self._doors = doors
         self._say = say
         self._clock_ns = clock_ns
-        self._likely = LikelyAnswers()
+        self._likely = door_view.LikelyAnswers()
         self._waits = Waits()
         self._refreshing = threading.Lock()
-        self._now = KnownDoors(DoorView(doors.door_map()))
-        self._failure: SemmapError | OSError | None = None
+        self._now = door_view.KnownDoors(door_view.DoorView(doors.door_map()))
+        self._failure: errors.SemmapError | OSError | None = None
 
     @property
-    def failure(self) -> SemmapError | OSError | None:
+    def failure(self) -> errors.SemmapError | OSError | None:
         """Why the doors cannot be known any more; None: they are."""
         return self._failure
 
@@ -111,35 +89,37 @@ class Oracle:
         """
         with self._refreshing:
             try:
-                view = DoorView(self._doors.door_map())
-            except (SemmapError, OSError) as error:
+                view = door_view.DoorView(self._doors.door_map())
+            except (errors.SemmapError, OSError) as error:
                 self._failure = error
                 return
-            before, self._now = self._now.view, KnownDoors(view)
+            before, self._now = self._now.view, door_view.KnownDoors(view)
             if view.door_map.event < before.door_map.event:
                 self._likely.forget()
             self._look_between(before, view)
         self._waits.look(view)
 
-    def at_once(self, asked: ParsedQuestion) -> Answer | None:
+    def at_once(self, asked: parsed_questions.ParsedQuestion) -> Answer | None:
         """Return the answer if that takes no time; None: `answer` it, or let it `wait`.
 
         Raises:
             SemmapError: It cannot be answered.
         """
-        if asked.question.name in STATE_QUESTIONS and asked.is_of_now:
+        if asked.question.name in door_view.STATE_QUESTIONS and asked.is_of_now:
             if self._failure is not None:
                 raise self._failure
-            return state_answer(self._now.view, asked)
+            return door_view.state_answer(self._now.view, asked)
         return _help(asked) if asked.question.name == "HELP" else None
 
-    def answer(self, asked: ParsedQuestion, client: str = "") -> Answer:
+    def answer(self, asked: parsed_questions.ParsedQuestion, client: str = "") -> Answer:
         """Return the answer, however long that takes; as `steps`."""
         *_, answer = self.steps(asked, client)
         assert answer is not None, "the last step gives it"
         return answer
 
-    def steps(self, asked: ParsedQuestion, client: str = "") -> Iterator[Answer | None]:
+    def steps(
+        self, asked: parsed_questions.ParsedQuestion, client: str = ""
+    ) -> Iterator[Answer | None]:
         """Yield None as long as there is more to do, then the answer.
 
         Args:
@@ -151,27 +131,27 @@ class Oracle:
         """
         if (at_once := self.at_once(asked)) is not None:
             yield at_once
-        elif asked.question.kind is QuestionKind.ACTION:
+        elif asked.question.kind is parsed_questions.QuestionKind.ACTION:
             yield self._act(asked, client)
         elif is_wait(asked):
             yield self._wait_here(asked)
         else:
             yield from self._found(asked)
 
-    def _found(self, asked: ParsedQuestion) -> Iterator[Answer | None]:
+    def _found(self, asked: parsed_questions.ParsedQuestion) -> Iterator[Answer | None]:
         """Yield the steps of a question that reads the log."""
         if self._failure is not None:
             raise self._failure
         try:
             yield from self._look_up(asked)
-        except UnknownDoorError as error:
-            yield nothing(asked, f"{error} {self._recorded_later(asked)}".strip())
-        except MomentError as error:
+        except errors.UnknownDoorError as error:
+            yield door_view.nothing(asked, f"{error} {self._recorded_later(asked)}".strip())
+        except errors.MomentError as error:
             problem = f"{error} What has blanks in it stands in quotes."
-            raise QuestionError(f"{asked.question.form}: {problem}") from error
+            raise errors.QuestionError(f"{asked.question.form}: {problem}") from error
 
     def wait(
-        self, asked: ParsedQuestion, done: Callable[[Answer], None]
+        self, asked: parsed_questions.ParsedQuestion, done: Callable[[Answer], None]
     ) -> Callable[[Answer], None]:
         """Let a question wait; `done` is called with its answer, once, maybe before this returns.
 
@@ -186,7 +166,7 @@ class Oracle:
             self._waits.end(wait, found)
         return lambda answer: self._waits.end(wait, answer)
 
-    def _look_between(self, before: DoorView, view: DoorView) -> None:
+    def _look_between(self, before: door_view.DoorView, view: door_view.DoorView) -> None:
         """Look at the doors after each commit of several that came at once, if somebody waits.
 
         A door that was opened and closed meanwhile was open.
@@ -203,20 +183,20 @@ class Oracle:
                 if event >= end:
                     return
                 if doors is None or _may_change(followed.batch, doors):
-                    self._waits.look(DoorView(log.replay(at=Moment(event=event))))
-        except (SemmapError, OSError) as error:
+                    self._waits.look(door_view.DoorView(log.replay(at=Moment(event=event))))
+        except (errors.SemmapError, OSError) as error:
             self._say(f"WAIT_UNTIL: what was so for a moment may be missed: {error}")
 
-    def _act(self, asked: ParsedQuestion, client: str) -> Answer:
+    def _act(self, asked: parsed_questions.ParsedQuestion, client: str) -> Answer:
         try:
             act(self._doors, asked, client)
-        except (SemmapError, OSError) as error:
+        except (errors.SemmapError, OSError) as error:
             called = " ".join([asked.question.name, *map(as_word, asked.doors)])
             self._say(f"{called}{f' from {client}' if client else ''}: refused: {error}")
             return Answer(value=False, reason=str(error))
-        return HOLDS
+        return door_view.HOLDS
 
-    def _wait_here(self, asked: ParsedQuestion) -> Answer:
+    def _wait_here(self, asked: parsed_questions.ParsedQuestion) -> Answer:
         answers: list[Answer] = []
         answered = threading.Event()
 
@@ -230,7 +210,7 @@ class Oracle:
         answered.wait()
         return answers[0]
 
-    def _recorded_later(self, asked: ParsedQuestion) -> str:
+    def _recorded_later(self, asked: parsed_questions.ParsedQuestion) -> str:
         """Return the note that events were recorded later, for a question about what was known."""
         if asked.known_at is None:
             return ""
@@ -239,7 +219,7 @@ class Oracle:
         when, known_at = (log.moment(t, now_ns=now_ns) for t in (asked.when, asked.known_at))
         return recorded_later(log, when, known_at, remedy='ask "{then}" without AT')
 
-    def _look_up(self, asked: ParsedQuestion) -> Iterator[Answer | None]:
+    def _look_up(self, asked: parsed_questions.ParsedQuestion) -> Iterator[Answer | None]:
         """Yield the steps to what the log reports of another moment, or of what is likely."""
         now = self._now
         log = self._doors.log  # not before: it must be as new
@@ -256,10 +236,10 @@ class Oracle:
             scope = Scope(event=view.door_map.event) if is_now else log.scope(when, known_at)
             yield _why(log, view, asked, scope)
         else:
-            yield state_answer(view, asked)
+            yield door_view.state_answer(view, asked)
 
 
-def time_is_over(asked: ParsedQuestion) -> Answer:
+def time_is_over(asked: parsed_questions.ParsedQuestion) -> Answer:
     """Return the answer to a question that waited in vain."""
     assert asked.state is not None
     return Answer(value=False, reason=f"it was not {asked.state.name} within {asked.number:g} s.")
@@ -270,16 +250,20 @@ def _may_change(batch: EventBatch, doors: set[DoorId]) -> bool:
     return Retracted in batch or bool(batch.of_doors(doors).any())
 
 
-def _help(asked: ParsedQuestion) -> Answer:
+def _help(asked: parsed_questions.ParsedQuestion) -> Answer:
     if asked.name is None:
-        return Answer([question.help for question in QUESTIONS])
-    question = BY_NAME.get(asked.name)
+        return Answer([question.help for question in parsed_questions.QUESTIONS])
+    question = parsed_questions.BY_NAME.get(asked.name)
     if question is None:
-        raise QuestionError(f"{shown(asked.name)} is no question.{similar(asked.name)}")
+        raise errors.QuestionError(
+            f"{shown(asked.name)} is no question.{parsed_questions.similar(asked.name)}"
+        )
     return Answer(question.help)
 
 
-def _why(log: DoorLog, view: DoorView, asked: ParsedQuestion, scope: Scope) -> Answer:
+def _why(
+    log: DoorLog, view: door_view.DoorView, asked: parsed_questions.ParsedQuestion, scope: Scope
+) -> Answer:
     """Return what set a door's state: its event, when, who and why.
 
     Args:
@@ -293,7 +277,7 @@ def _why(log: DoorLog, view: DoorView, asked: ParsedQuestion, scope: Scope) -> A
     assert entry is not None, "who adds a door says its state"
     when = format_wall(entry.folds_ns, log.info.timezone)
     who: list[Value] = [entry.actor, entry.source, entry.reason]
-    return Answer([entry.number, entry.kind, atom_of_state(door), when, *who])
+    return Answer([entry.number, entry.kind, door_view.atom_of_state(door), when, *who])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -305,11 +289,11 @@ class Wait:
     done: Callable[[Answer], None]
     """Called with the answer, once, by whichever thread has it first."""
 
-    def answer_in(self, view: DoorView) -> Answer | None:
+    def answer_in(self, view: door_view.DoorView) -> Answer | None:
         """Return the answer that the doors as they are give; None: wait on."""
         try:
             return Answer(value=True) if view.door(self.door).state is self.state else None
-        except UnknownDoorError as error:
+        except errors.UnknownDoorError as error:
             return Answer(value=False, reason=str(error))
 
 
@@ -330,7 +314,7 @@ class Waits:
         with self._mutex:
             return {wait.door for wait in self._waiting}
 
-    def look(self, view: DoorView) -> None:
+    def look(self, view: door_view.DoorView) -> None:
         """Answer those that need to wait no longer."""
         with self._mutex:
             waiting = list(self._waiting)
@@ -372,7 +356,7 @@ class QueriedDoors(Protocol):
         """Append what `make` gives, once, as one commit that lasts."""
 
 
-def act(doors: QueriedDoors, asked: ParsedQuestion, client: str = "") -> None:
+def act(doors: QueriedDoors, asked: parsed_questions.ParsedQuestion, client: str = "") -> None:
     """Do an action; when this returns, it is as durable as the log promises.
 
     What the map is already needs no event. With a command id one is stored all the same: sent
@@ -401,9 +385,9 @@ def act(doors: QueriedDoors, asked: ParsedQuestion, client: str = "") -> None:
     )
 
 
-def _events(log: DoorLogWriter, asked: ParsedQuestion) -> list[Event]:
+def _events(log: DoorLogWriter, asked: parsed_questions.ParsedQuestion) -> list[Event]:
     """Return what an action means for the log as it stands; the log is held meanwhile."""
-    door = DoorView(log.door_map()).door(asked.doors[0])
+    door = door_view.DoorView(log.door_map()).door(asked.doors[0])
     happened_ns = when_ns(log)
     if asked.question.name == "REMOVE_DOOR":
         return [DoorRemoved(door_id=door.door_id, happened_ns=happened_ns)]
@@ -422,7 +406,7 @@ def _events(log: DoorLogWriter, asked: ParsedQuestion) -> list[Event]:
     ]
 
 
-def _set_by(asked: ParsedQuestion) -> tuple[Changed, str, DoorState | float]:
+def _set_by(asked: parsed_questions.ParsedQuestion) -> tuple[Changed, str, DoorState | float]:
     """Return the part of a door that an action sets, its field, and what it becomes.
 
     Raises:
@@ -432,7 +416,7 @@ def _set_by(asked: ParsedQuestion) -> tuple[Changed, str, DoorState | float]:
     if value is not None:
         return changed, field, value
     if not 0 <= asked.number <= 1:  # neither is NaN
-        raise CommandError(f"expected a probability from 0 to 1, got {asked.number!r}.")
+        raise errors.CommandError(f"expected a probability from 0 to 1, got {asked.number!r}.")
     return changed, field, asked.number
 
 

@@ -21,13 +21,7 @@ from typing import Any, TypeAlias
 from semmap_log.errors import QuestionError
 from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.interop.formats.parsing.strict_json import StrictJsonError, load_object
-from semmap_log.live.planners.parsed_questions import (
-    MOST_WORDS,
-    ParsedQuestion,
-    Word,
-    read_words,
-    too_many,
-)
+from semmap_log.live.planners import parsed_questions
 
 MOST_LINE_BYTES = 2**16
 """Of a question, its end included."""
@@ -61,7 +55,7 @@ class Answer:
 class Line:
     """A question as it came on a line."""
 
-    asked: ParsedQuestion
+    asked: parsed_questions.ParsedQuestion
     is_json: bool = False
     given_id: Any = field(default=None, compare=False)
     """What the answer in JSON is to be known by; None: nothing."""
@@ -192,8 +186,8 @@ def split_words(text: str) -> list[str]:
     words: list[str] = []
     at = 0
     while at < len(text):
-        if len(words) > MOST_WORDS + 1:  # a command id is none
-            raise QuestionError(too_many())
+        if len(words) > parsed_questions.MOST_WORDS + 1:  # a command id is none
+            raise QuestionError(parsed_questions.too_many())
         found = _WORD.match(text, at)
         if found is None:
             raise QuestionError(
@@ -220,7 +214,7 @@ def _unquoted(word: str) -> str:
     return text
 
 
-def _of_text(data: bytes) -> ParsedQuestion:
+def _of_text(data: bytes) -> parsed_questions.ParsedQuestion:
     try:
         text = data.decode()
     except UnicodeDecodeError as error:
@@ -237,7 +231,7 @@ def _of_text(data: bytes) -> ParsedQuestion:
     if words and words[0].startswith("#"):
         command_id = read_command_id(words[0][1:])
         del words[0]
-    return read_words(words, command_id)
+    return parsed_questions.read_words(words, command_id)
 
 
 _CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
@@ -282,37 +276,39 @@ def _id_in(asked_for: dict[str, Any]) -> Any:
     return given_id
 
 
-def _of_object(asked_for: dict[str, Any]) -> ParsedQuestion:
+def _of_object(asked_for: dict[str, Any]) -> parsed_questions.ParsedQuestion:
     """Return the question of a JSON object: its `args` are words, and its times follow them."""
     if unknown := asked_for.keys() - _KEYS:
         raise QuestionError(f"key {shown(min(unknown))}: expected one of {sorted(_KEYS | {'id'})}")
     given = asked_for.get("args", [])
     if not isinstance(given, list):
         raise QuestionError(f"args: expected a list, got {shown(given)}")
-    words: list[Word] = [_word("ask", asked_for.get("ask", "")), *_words(given)]
+    words: list[parsed_questions.Word] = [_word("ask", asked_for.get("ask", "")), *_words(given)]
     if asked_for.get("at") is not None:
         words.append(_word("at", asked_for["at"]))
     if asked_for.get("known_at") is not None:
         words = ["BELIEVED", *words, "AT", _word("known_at", asked_for["known_at"])]
     command_id = asked_for.get("command_id")
-    return read_words(words, None if command_id is None else read_command_id(command_id))
+    return parsed_questions.read_words(
+        words, None if command_id is None else read_command_id(command_id)
+    )
 
 
-def _words(given: list[Any]) -> list[Word]:
+def _words(given: list[Any]) -> list[parsed_questions.Word]:
     """Return the arguments as words; the doors of NEXT_DOOR may stand in a list of their own."""
-    words: list[Word] = []
+    words: list[parsed_questions.Word] = []
     for each in given:
         words += map(_argument, each) if isinstance(each, list) else [_argument(each)]
-        if len(words) > MOST_WORDS:
-            raise QuestionError(too_many())
+        if len(words) > parsed_questions.MOST_WORDS:
+            raise QuestionError(parsed_questions.too_many())
     return words
 
 
-def _argument(value: Any) -> Word:
+def _argument(value: Any) -> parsed_questions.Word:
     return _word("args", value)
 
 
-def _word(key: str, value: Any) -> Word:
+def _word(key: str, value: Any) -> parsed_questions.Word:
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         raise QuestionError(f"{key}: expected a text or a number, got {shown(value)}")
     return value

@@ -16,23 +16,12 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
+from semmap_log import errors
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Durability
 from semmap_log.core.model.events import Retracted, RobotPose
 from semmap_log.core.texts import brief
-from semmap_log.errors import (
-    CommandError,
-    CommandReusedError,
-    FormatError,
-    LogPoisonedError,
-    SemmapError,
-)
+from semmap_log.interop.formats.json import event_json_reader
 from semmap_log.interop.formats.json.door_json import means_same
-from semmap_log.interop.formats.json.event_json_reader import (
-    DoorLookup,
-    ParsedLine,
-    command_id_of,
-    parse_event_line,
-)
 from semmap_log.interop.formats.parsing.foreign_file import FileOrder
 from semmap_log.interop.formats.parsing.strict_json import load_object
 from semmap_log.log.door_log.appender import POSES_WAIT_S, Appended
@@ -141,7 +130,7 @@ class LineRecorder:
                     self._keep_pose(parsed.event)
                 else:
                     self._append(parsed, text)
-        except LogPoisonedError:  # nothing more can be written
+        except errors.LogPoisonedError:  # nothing more can be written
             raise
         except Exception as error:  # noqa: BLE001  the lines after it are stored, whatever it is
             self._wait(LineAnswer(self._line, error=_reason(error)))
@@ -155,14 +144,16 @@ class LineRecorder:
         understood.
         """
         if len(text) > MAX_LINE_BYTES:
-            raise CommandError(f"expected at most {MAX_LINE_BYTES} bytes, got a longer line.")
-        command_id = command_id_of(text, path="line", line=self._line)
+            raise errors.CommandError(
+                f"expected at most {MAX_LINE_BYTES} bytes, got a longer line."
+            )
+        command_id = event_json_reader.command_id_of(text, path="line", line=self._line)
         stored = None if command_id is None else self.log.find_stored(command_id)
         if stored is None:
             return False
         known = stored.commit
         if not stored.has_content(_content(text)) and not self._holds(known, text):
-            raise CommandReusedError(
+            raise errors.CommandReusedError(
                 f"command_id: stored already, as event {known.first_event}, for another line; "
                 "give a new line a new id."
             )
@@ -176,23 +167,23 @@ class LineRecorder:
             parsed.event, self.log.event(known.last_event).event
         )
 
-    def _parse(self, text: bytes) -> ParsedLine:
-        lookup = DoorLookup(
+    def _parse(self, text: bytes) -> event_json_reader.ParsedLine:
+        lookup = event_json_reader.DoorLookup(
             resolve=self.log.resolve,
             next_id=lambda: self.log.door_index.next_free_id,
             level_of=self.log.level_of,
             level=self.log.level_meant,
         )
-        parsed = parse_event_line(
+        parsed = event_json_reader.parse_event_line(
             text, lookup=lookup, order=self.order, path="line", line=self._line
         )
         if isinstance(parsed.event, Retracted) and parsed.number is not None:
-            raise CommandError(
+            raise errors.CommandError(
                 "this retraction was exported: its numbers are those of another log; `import` "
                 "finds what they are here, and without its `event` they mean this log's."
             )
         if parsed.retracted:
-            raise CommandError(
+            raise errors.CommandError(
                 "this event was taken back in the log that wrote the line; `import` keeps both, "
                 "the event and its retraction."
             )
@@ -205,7 +196,7 @@ class LineRecorder:
             pose = replace(pose, happened_ns=self.log.now_ns())
         self._poses.append((self._line, pose))
 
-    def _append(self, parsed: ParsedLine, text: bytes) -> None:
+    def _append(self, parsed: event_json_reader.ParsedLine, text: bytes) -> None:
         events = [*(pose for _, pose in self._poses), parsed.event]
         command_id = parsed.own_command_id
         content = _content(text) if command_id else NO_CONTENT
@@ -273,7 +264,7 @@ def _read_some(fd: int) -> bytes:
     try:
         return os.read(fd, READ_BYTES)
     except OSError as error:  # a folder, a disk that fails, a terminal that has gone
-        raise FormatError("standard input", f"cannot be read on: {error.strerror}") from None
+        raise errors.FormatError("standard input", f"cannot be read on: {error.strerror}") from None
 
 
 def _content(text: bytes) -> bytes:
@@ -283,6 +274,8 @@ def _content(text: bytes) -> bytes:
 
 def _reason(error: Exception) -> str:
     """Return why a line was refused, without the `line:7:` that the answer says already."""
-    text = str(error) if isinstance(error, SemmapError) else f"{type(error).__name__}: {error}"
+    text = (
+        str(error) if isinstance(error, errors.SemmapError) else f"{type(error).__name__}: {error}"
+    )
     place, colon, rest = text.partition(": ")
     return brief(rest if colon and place.startswith("line:") else text)

@@ -16,30 +16,8 @@ from typing import Any
 from semmap_log.errors import RosError
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
 from semmap_log.interop.formats.ros.ros_types import RosVersion, long_name
+from semmap_log.live.ros import ros1_topics, ros_node
 from semmap_log.live.ros.ros1_messages import message_module
-from semmap_log.live.ros.ros1_topics import (
-    Ros1Publisher,
-    caller_of,
-    given_id,
-    is_sending,
-    make_each_link_once,
-    patient_server_class,
-    stay_known,
-    wait_for_listener,
-    wait_for_server,
-    wait_to_be_sent_results,
-)
-from semmap_log.live.ros.ros_node import (
-    GOALS_AT_ONCE,
-    TICK_S,
-    Goal,
-    GoalAnswer,
-    Outcome,
-    Publisher,
-    Received,
-    Values,
-    outcome_of,
-)
 
 SENT_WITHIN_S = 5.0
 """How long what was published last may take to leave."""
@@ -63,7 +41,7 @@ def open_ros1_node(name: str, ros_args: Sequence[str] = ()) -> Ros1Node:
             f"no ROS master answers at {rosgraph.get_master_uri()}; start roscore, or set "
             "ROS_MASTER_URI."
         )
-    make_each_link_once()
+    ros1_topics.make_each_link_once()
     try:
         rospy.init_node(name, argv=["semmap-log", *ros_args], disable_signals=True)
         master = rosgraph.Master(name).getPid()
@@ -91,7 +69,7 @@ class Ros1Node:
         """Why ROS has ended us."""
         rospy.core.add_preshutdown_hook(self._ending)
         self._clients: dict[str, Any] = {}
-        self._goals = ThreadPoolExecutor(GOALS_AT_ONCE, thread_name_prefix="goal")
+        self._goals = ThreadPoolExecutor(ros_node.GOALS_AT_ONCE, thread_name_prefix="goal")
 
     @property
     def name(self) -> str:
@@ -134,11 +112,13 @@ class Ros1Node:
         servers = by_topic.get(f"{self._rospy.resolve_name(name)}/result", set())
         return {topic for topic, nodes in by_topic.items() if nodes & servers}
 
-    def publisher(self, topic: BagTopic) -> Publisher:
+    def publisher(self, topic: BagTopic) -> ros_node.Publisher:
         """Offer a topic; its type need not be installed."""
-        return Ros1Publisher(self._rospy, topic)
+        return ros1_topics.Ros1Publisher(self._rospy, topic)
 
-    def subscribe(self, topic: str, ros_type: str, take: Callable[[Received], None]) -> None:
+    def subscribe(
+        self, topic: str, ros_type: str, take: Callable[[ros_node.Received], None]
+    ) -> None:
         """Receive each message of a topic; its publisher describes the type."""
 
         def received(message: Any) -> None:
@@ -147,7 +127,7 @@ class Ros1Node:
             if ros_type not in ("", kind):
                 warn(kind, said["callerid"])
                 return
-            take(Received(name, kind, message._buff, self.now_ns(),  # noqa: SLF001
+            take(ros_node.Received(name, kind, message._buff, self.now_ns(),  # noqa: SLF001
                           said.get("message_definition", ""), said["callerid"]))  # fmt: skip
 
         @cache
@@ -158,10 +138,12 @@ class Ros1Node:
         name = self._rospy.resolve_name(topic)
         self._rospy.Subscriber(name, self._rospy.AnyMsg, received, tcp_nodelay=True)
 
-    def serve_action(self, action: str, name: str, run: Callable[[Goal], Outcome]) -> None:
+    def serve_action(
+        self, action: str, name: str, run: Callable[[ros_node.Goal], ros_node.Outcome]
+    ) -> None:
         """Offer an action of the thesis; each goal runs in a thread of its own."""
         messages = message_module()
-        server_class = patient_server_class()
+        server_class = ros1_topics.patient_server_class()
 
         def got(handle: Any) -> None:
             handle.set_accepted()
@@ -176,29 +158,29 @@ class Ros1Node:
 
     def _run(
         self, server: Any, handle: Any, action: str, messages: ModuleType,
-        run: Callable[[Goal], Outcome],
+        run: Callable[[ros_node.Goal], ros_node.Outcome],
     ) -> None:  # fmt: skip
         """Run a goal and send what becomes of it; one that was cancelled meanwhile has happened."""
         feedback = getattr(messages, f"{action}Feedback")
         result = getattr(messages, f"{action}Result")
         raw_goal_id = handle.get_goal_id().id
-        goal = Goal(
+        goal = ros_node.Goal(
             action,
             hashlib.sha256(raw_goal_id.encode()).digest()[:16],
             raw_goal_id,
-            caller_of(handle),
+            ros1_topics.caller_of(handle),
             _values(handle.get_goal()),
             lambda percent: handle.publish_feedback(feedback(percent_complete=percent)),
         )
-        outcome = outcome_of(run, goal, lambda text: self.log(text, is_warning=True))
-        wait_for_listener(server, goal.caller)
+        outcome = ros_node.outcome_of(run, goal, lambda text: self.log(text, is_warning=True))
+        ros1_topics.wait_for_listener(server, goal.caller)
         answer = handle.set_succeeded if outcome.succeeded else handle.set_aborted
         answer(result(**outcome.result), outcome.text)
 
     def call_action(
-        self, action: str, name: str, values: Values, *,
+        self, action: str, name: str, values: ros_node.Values, *,
         goal_id: bytes | None = None, timeout_s: float = 10.0,
-    ) -> GoalAnswer:  # fmt: skip
+    ) -> ros_node.GoalAnswer:  # fmt: skip
         """Send a goal and return what becomes of it."""
         import actionlib
 
@@ -207,19 +189,19 @@ class Ros1Node:
             spec = getattr(messages, f"{action}Action")
             self._clients[name] = actionlib.ActionClient(name, spec)
         client = self._clients[name]
-        if not wait_for_server(client, timeout_s):
+        if not ros1_topics.wait_for_server(client, timeout_s):
             raise RosError(
                 f"no action server {name} answered within {timeout_s:g} s; is it running? "
                 f"Check with `rostopic info {name}/goal`."
             )
-        wait_to_be_sent_results(client)
+        ros1_topics.wait_to_be_sent_results(client)
         done = threading.Event()
 
         def changed(handle: Any) -> None:
             if handle.get_comm_state() == actionlib.CommState.DONE:
                 done.set()
 
-        with given_id(client, goal_id):
+        with ros1_topics.given_id(client, goal_id):
             handle = client.send_goal(getattr(messages, f"{action}Goal")(**values), changed)
         if not done.wait(timeout_s):
             raise RosError(
@@ -227,7 +209,7 @@ class Ros1Node:
             )
         status = actionlib.TerminalState.to_string(handle.get_terminal_state())
         result = handle.get_result()
-        return GoalAnswer(
+        return ros_node.GoalAnswer(
             {"PREEMPTED": "CANCELED", "RECALLED": "CANCELED"}.get(status, status),
             {} if result is None else _values(result),
             handle.get_goal_status_text(),
@@ -240,12 +222,12 @@ class Ros1Node:
             RosError: Another node has taken this one's name.
         """
         ended, watch = threading.Event(), (self.name, self._master)
-        threading.Thread(target=stay_known, args=[*watch, ended], daemon=True).start()
+        threading.Thread(target=ros1_topics.stay_known, args=[*watch, ended], daemon=True).start()
         try:
             while not self._rospy.is_shutdown() and not stop():
                 if tick is not None:
                     tick()
-                time.sleep(TICK_S)
+                time.sleep(ros_node.TICK_S)
         finally:
             ended.set()
         if _SAME_NAME in self._reason:
@@ -261,7 +243,7 @@ class Ros1Node:
         """Finish the goals that run, send what was published, and leave."""
         self._goals.shutdown(wait=True)
         deadline = time.monotonic() + SENT_WITHIN_S
-        while is_sending() and time.monotonic() < deadline:
+        while ros1_topics.is_sending() and time.monotonic() < deadline:
             time.sleep(0.01)
         self._rospy.signal_shutdown("done")
 
@@ -270,5 +252,5 @@ _SAME_NAME = "new node registered with same name"
 """The master's message to a node that has lost its name: rosmaster/registrations.py."""
 
 
-def _values(message: Any) -> Values:
+def _values(message: Any) -> ros_node.Values:
     return {name: getattr(message, name) for name in message.__slots__}

@@ -11,25 +11,7 @@ from typing import Any
 from semmap_log.errors import RosError
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
 from semmap_log.interop.formats.ros.ros_types import RosVersion
-from semmap_log.live.ros.ros2_topics import (
-    MatchedReader,
-    Ros2Publisher,
-    action_class,
-    callers_of,
-    message_class,
-    patient_server_class,
-)
-from semmap_log.live.ros.ros_node import (
-    GOALS_AT_ONCE,
-    TICK_S,
-    Goal,
-    GoalAnswer,
-    Outcome,
-    Publisher,
-    Received,
-    Values,
-    outcome_of,
-)
+from semmap_log.live.ros import ros2_topics, ros_node
 
 LOOK_S = 0.1
 """How often it is looked who publishes what we want; rosbag2's recorder does it so, too."""
@@ -78,9 +60,9 @@ class Ros2Node:
         self._context = context
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(node)
-        self._publishers: list[Ros2Publisher] = []
-        self._readers: list[MatchedReader] = []
-        self._goals = ThreadPoolExecutor(GOALS_AT_ONCE, thread_name_prefix="goal")
+        self._publishers: list[ros2_topics.Ros2Publisher] = []
+        self._readers: list[ros2_topics.MatchedReader] = []
+        self._goals = ThreadPoolExecutor(ros_node.GOALS_AT_ONCE, thread_name_prefix="goal")
 
     @property
     def name(self) -> str:
@@ -123,24 +105,26 @@ class Ros2Node:
                 found |= {topic for topic, _ in of_node(each.node_name, each.node_namespace)}
         return found
 
-    def publisher(self, topic: BagTopic) -> Publisher:
+    def publisher(self, topic: BagTopic) -> ros_node.Publisher:
         """Offer a topic."""
-        made = Ros2Publisher(self._node, topic)
+        made = ros2_topics.Ros2Publisher(self._node, topic)
         self._publishers.append(made)
         return made
 
-    def subscribe(self, topic: str, ros_type: str, take: Callable[[Received], None]) -> None:
+    def subscribe(
+        self, topic: str, ros_type: str, take: Callable[[ros_node.Received], None]
+    ) -> None:
         """Have each message of a topic, as soon as somebody publishes it."""
-        message_class(ros_type)  # fails at once if it is not installed
+        ros2_topics.message_class(ros_type)  # fails at once if it is not installed
         name = self._node.resolve_topic_name(topic)
 
         def received(data: bytes) -> None:
-            take(Received(name, ros_type, bytes(data), self.now_ns()))
+            take(ros_node.Received(name, ros_type, bytes(data), self.now_ns()))
 
         def warn(text: str) -> None:
             self.log(text, is_warning=True)
 
-        self._readers.append(MatchedReader(self._node, name, ros_type, received, warn))
+        self._readers.append(ros2_topics.MatchedReader(self._node, name, ros_type, received, warn))
         if len(self._readers) == 1:
             self._node.create_timer(LOOK_S, self._look, clock=_steady_clock())
         self._look()
@@ -149,34 +133,41 @@ class Ros2Node:
         for reader in self._readers:
             reader.look()
 
-    def serve_action(self, action: str, name: str, run: Callable[[Goal], Outcome]) -> None:
+    def serve_action(
+        self, action: str, name: str, run: Callable[[ros_node.Goal], ros_node.Outcome]
+    ) -> None:
         """Offer an action of the thesis; each goal runs in a thread of its own."""
-        kind = action_class(action)
+        kind = ros2_topics.action_class(action)
         name = self._node.resolve_topic_name(name)
 
         def accepted(handle: Any) -> None:
             self._goals.submit(self._run, handle, action, name, kind, run)
 
         # A cancel is refused, as rclpy does by default: the goal has happened, or is about to.
-        patient_server_class()(
+        ros2_topics.patient_server_class()(
             self._node, kind, name, _refuse_to_run,
             handle_accepted_callback=accepted, result_timeout=RESULT_KEPT_S,
         )  # fmt: skip
 
     def _run(
-        self, handle: Any, action: str, name: str, kind: Any, run: Callable[[Goal], Outcome]
+        self,
+        handle: Any,
+        action: str,
+        name: str,
+        kind: Any,
+        run: Callable[[ros_node.Goal], ros_node.Outcome],
     ) -> None:
         """Run a goal in this thread, then let the executor send what became of it."""
         goal_id = bytes(handle.goal_id.uuid)
-        goal = Goal(
+        goal = ros_node.Goal(
             action,
             goal_id,
             goal_id.hex(),
-            callers_of(self._node, name),
+            ros2_topics.callers_of(self._node, name),
             _values(handle.request),
             lambda percent: handle.publish_feedback(kind.Feedback(percent_complete=percent)),
         )
-        outcome = outcome_of(run, goal, lambda text: self.log(text, is_warning=True))
+        outcome = ros_node.outcome_of(run, goal, lambda text: self.log(text, is_warning=True))
 
         def answer(handle: Any) -> Any:
             (handle.succeed if outcome.succeeded else handle.abort)()
@@ -185,15 +176,15 @@ class Ros2Node:
         handle.execute(answer)
 
     def call_action(
-        self, action: str, name: str, values: Values, *,
+        self, action: str, name: str, values: ros_node.Values, *,
         goal_id: bytes | None = None, timeout_s: float = 10.0,
-    ) -> GoalAnswer:  # fmt: skip
+    ) -> ros_node.GoalAnswer:  # fmt: skip
         """Send a goal and return what becomes of it."""
         from action_msgs.msg import GoalStatus
         from rclpy.action import ActionClient
         from unique_identifier_msgs.msg import UUID
 
-        kind = action_class(action)
+        kind = ros2_topics.action_class(action)
         name = self._node.resolve_topic_name(name)
         client = ActionClient(self._node, kind, name)  # one that had the same goal refuses it
         try:
@@ -206,7 +197,7 @@ class Ros2Node:
             handle = self._wait(client.send_goal_async(kind.Goal(**values), goal_uuid=uuid),
                                 name, timeout_s)  # fmt: skip
             if not handle.accepted:
-                return GoalAnswer("REJECTED", {})
+                return ros_node.GoalAnswer("REJECTED", {})
             answer = self._wait(handle.get_result_async(), name, timeout_s)
         finally:
             client.destroy()
@@ -215,7 +206,9 @@ class Ros2Node:
             GoalStatus.STATUS_ABORTED: "ABORTED",
             GoalStatus.STATUS_CANCELED: "CANCELED",
         }
-        return GoalAnswer(names.get(answer.status, str(answer.status)), _values(answer.result))
+        return ros_node.GoalAnswer(
+            names.get(answer.status, str(answer.status)), _values(answer.result)
+        )
 
     def _wait(self, future: Any, name: str, timeout_s: float) -> Any:
         self._executor.spin_until_future_complete(future, timeout_s)
@@ -231,8 +224,8 @@ class Ros2Node:
         while self._context.ok() and not stop():
             if tick is not None and time.monotonic() >= next_tick:
                 tick()
-                next_tick = time.monotonic() + TICK_S
-            self._executor.spin_once(timeout_sec=TICK_S)
+                next_tick = time.monotonic() + ros_node.TICK_S
+            self._executor.spin_once(timeout_sec=ros_node.TICK_S)
 
     def close(self) -> None:
         """Finish the goals that run, see what was published acknowledged, and leave."""
@@ -251,7 +244,7 @@ def _refuse_to_run(_handle: Any) -> Any:
     raise AssertionError  # goals are run by `_run`, which hands the executor their answers
 
 
-def _values(message: Any) -> Values:
+def _values(message: Any) -> ros_node.Values:
     return {name: getattr(message, name) for name in message.get_fields_and_field_types()}
 
 

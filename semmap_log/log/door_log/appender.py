@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log import errors
 from semmap_log.core.batches.columnar_events import ColumnarEvents
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.early_events import EarlyEvents
@@ -27,13 +28,6 @@ from semmap_log.core.model.events import Event, RobotPose
 from semmap_log.core.model.moments import SECOND_NS, format_local
 from semmap_log.core.texts import counted
 from semmap_log.core.users_line import frames_of_ours
-from semmap_log.errors import (
-    CommandReusedError,
-    EarlyEventsWarning,
-    FutureTimesWarning,
-    InvalidEventError,
-    LogPoisonedError,
-)
 from semmap_log.log.door_log.current_map import WAITING_POSES, Command, CurrentMap, ImportedCommit
 from semmap_log.log.door_log.known_past import Validator
 from semmap_log.log.door_log.summary import all_door_labels, remedy
@@ -219,7 +213,7 @@ class Appender:
         if command_id is None:
             return None
         if not isinstance(command_id, bytes):
-            raise InvalidEventError("command_id", "16 bytes", command_id)
+            raise errors.InvalidEventError("command_id", "16 bytes", command_id)
         found = self._writer.find(command_id)
         if found is None:
             return None
@@ -230,7 +224,7 @@ class Appender:
             else command.is_sealed_as(found)
         )
         if not is_same:
-            raise CommandReusedError(
+            raise errors.CommandReusedError(
                 f"command {known.command_id.hex()} is already stored as event "
                 f"{known.first_event}, with other content; give a new command a new id."
             )
@@ -309,13 +303,13 @@ class Appender:
                 self._writer.apply_policy(before)
             elif sync:
                 self._writer.make_durable(before)
-        except LogPoisonedError as error:
+        except errors.LogPoisonedError as error:
             error.command_id = error.command_id or commit.command_id
             raise
 
     def _write_poses_late(self) -> None:
         """Write poses for which no commit came; called by the timer's thread."""
-        with suppress(LogPoisonedError):  # the next append raises it
+        with suppress(errors.LogPoisonedError):  # the next append raises it
             self.write_poses()
 
 
@@ -395,7 +389,7 @@ class EarlyWarnings:
         since = format_local(min(self.found.first_ns.values()), self._timezone)
         said = self.found.as_text(all_door_labels(self._now.state), since)
         text = f"{said}; {remedy(self._now.path)}"
-        warnings.warn(EarlyEventsWarning(text), stacklevel=frames_of_ours())
+        warnings.warn(errors.EarlyEventsWarning(text), stacklevel=frames_of_ours())
 
 
 SLACK_NS = 60 * SECOND_NS
@@ -458,7 +452,7 @@ class FutureWarnings:
             f"{events} {verb} in the future, at {until} at the latest; {counts} from the time of "
             "recording on. Check date, zone and clock; `retract` takes back what is wrong."
         )
-        warnings.warn(FutureTimesWarning(text), stacklevel=frames_of_ours())
+        warnings.warn(errors.FutureTimesWarning(text), stacklevel=frames_of_ours())
 
 
 def _times_of(event: Event | EventBatch) -> NDArray[np.int64]:

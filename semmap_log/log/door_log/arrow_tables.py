@@ -18,15 +18,9 @@ from semmap_log.core.batches.event_batch import EventBatch, Retractions
 from semmap_log.core.folds.door_changes import NamesAsOf, affected_levels
 from semmap_log.core.io.prefetch import ahead
 from semmap_log.core.io.progress import Progress
+from semmap_log.core.model import events
 from semmap_log.core.model.commits import NOTE_TEXTS
 from semmap_log.core.model.doors import DoorId
-from semmap_log.core.model.events import (
-    ADDING_KINDS,
-    POSE_KINDS,
-    DoorAnnotated,
-    FloorMap,
-    LevelAdded,
-)
 from semmap_log.errors import CommandError, StaleIndexError
 from semmap_log.log.replay.read_model.events_about import (
     SegmentTables,
@@ -255,7 +249,11 @@ def names_as_of(
             names.apply(known.visible(batch))
 
     with_levels = _LEVEL_NAME in wanted
-    kinds = [*ADDING_KINDS, DoorAnnotated, *([LevelAdded, FloorMap] if with_levels else [])]
+    kinds = [
+        *events.ADDING_KINDS,
+        events.DoorAnnotated,
+        *([events.LevelAdded, events.FloorMap] if with_levels else []),
+    ]
     take(reader.batches(Window(kinds=kinds_mask(kinds), before_event=before)))
     if with_levels and len(levels) > 1:  # doors are only on known levels
         take(_moves(reader, before))
@@ -264,7 +262,7 @@ def names_as_of(
 
 def _moves(reader: LogReader, before: int | None) -> Iterator[EventBatch]:
     """Yield the events that may put doors elsewhere, and what stands for those that are gone."""
-    kinds = kinds_mask(kind for kind in POSE_KINDS if kind not in ADDING_KINDS)
+    kinds = kinds_mask(kind for kind in events.POSE_KINDS if kind not in events.ADDING_KINDS)
     window = Window(kinds=kinds, before_event=before)
     if reader.horizon:
         from semmap_log.log.replay.state import events_at_horizon

@@ -18,31 +18,13 @@ from threading import RLock
 from typing import NamedTuple, TypeAlias
 from weakref import WeakMethod
 
+from semmap_log import errors
 from semmap_log.core.batches.event_batch import EventBatch, one_by_one
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.io.clock import believable_ns
+from semmap_log.core.model import doors
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Note
-from semmap_log.core.model.doors import (
-    CLASS,
-    DOOR,
-    LEAST_CORNERS,
-    OUTLINE,
-    Corners,
-    DoorId,
-    DoorMap,
-    DoorState,
-    Geometry,
-    ObjectClass,
-    outline_text,
-    parse_outline,
-)
 from semmap_log.core.model.events import ClassDefined, Event, RobotPose, is_whole_number
-from semmap_log.errors import (
-    CommandError,
-    InvalidEventError,
-    UnexpectedEventError,
-    UnknownDoorError,
-)
 from semmap_log.log.door_log.door_index import (
     DoorIndex,
     ambiguous_removed,
@@ -70,7 +52,7 @@ class NewPlace:
     theta: float
     width: float
 
-    def of(self, kind: ObjectClass, outline: Corners) -> tuple[NewPlace, str]:
+    def of(self, kind: doors.ObjectClass, outline: doors.Corners) -> tuple[NewPlace, str]:
         """Return where an object of a class is, and the annotation of its outline; "": it has none.
 
         Args:
@@ -81,23 +63,23 @@ class NewPlace:
         Raises:
             CommandError: A polygon without an outline, or one for what is no polygon.
         """
-        if kind.geometry is not Geometry.POLYGON and outline:
-            raise CommandError(f"an outline is for polygons; a {kind.name} is a "
+        if kind.geometry is not doors.Geometry.POLYGON and outline:
+            raise errors.CommandError(f"an outline is for polygons; a {kind.name} is a "
                                f"{kind.geometry.value}.")  # fmt: skip
-        if kind.geometry is Geometry.SEGMENT:
+        if kind.geometry is doors.Geometry.SEGMENT:
             return self, ""
-        if kind.geometry is Geometry.POLYGON and len(outline) < LEAST_CORNERS:
-            raise CommandError(
-                f"a {kind.name} is a polygon: expected an outline of at least {LEAST_CORNERS} "
-                f"corners, got {len(outline)}."
+        if kind.geometry is doors.Geometry.POLYGON and len(outline) < doors.LEAST_CORNERS:
+            raise errors.CommandError(
+                f"a {kind.name} is a polygon: expected an outline of at least "
+                f"{doors.LEAST_CORNERS} corners, got {len(outline)}."
             )
         if outline:
-            check_outline(outline_text(outline))
+            check_outline(doors.outline_text(outline))
         x, y = (self.x, self.y) if outline == () or not math.isnan(self.x) else outline[0]
         if math.isnan(x):
             return self, ""
         place = NewPlace(x, y, 0.0 if math.isnan(self.theta) else self.theta, 0.0)
-        return place, outline_text([place.seen(corner) for corner in outline])
+        return place, doors.outline_text([place.seen(corner) for corner in outline])
 
     def seen(self, point: tuple[float, float]) -> tuple[float, float]:
         """Return a point of the frame `map` in the object's own frame, metres."""
@@ -106,22 +88,22 @@ class NewPlace:
         return round(cos * x + sin * y, DIGITS) + 0.0, round(cos * y - sin * x, DIGITS) + 0.0
 
 
-def class_meant(name: str, now: CurrentMap) -> ObjectClass:
+def class_meant(name: str, now: CurrentMap) -> doors.ObjectClass:
     """Return the class of that name; "" and `door`: that of doors.
 
     Raises:
         CommandError: None is defined that is called so.
     """
     known = now.door_index.classes
-    if name in ("", DOOR.name):
-        return DOOR
+    if name in ("", doors.DOOR.name):
+        return doors.DOOR
     if name not in known:
         defined = f"defined are: {', '.join(sorted(known))}" if known else "none is defined"
-        raise CommandError(f"no class {name!r}; {defined}. `define` defines one.")
+        raise errors.CommandError(f"no class {name!r}; {defined}. `define` defines one.")
     return known[name]
 
 
-def state_meant(state: DoorState | str, of: ObjectClass) -> DoorState:
+def state_meant(state: doors.DoorState | str, of: doors.ObjectClass) -> doors.DoorState:
     """Return the state that a word means for an object of a class.
 
     Args:
@@ -131,23 +113,23 @@ def state_meant(state: DoorState | str, of: ObjectClass) -> DoorState:
     Raises:
         InvalidEventError: The class has no such state.
     """
-    if isinstance(state, DoorState) and (of is DOOR or of.has(state)):
+    if isinstance(state, doors.DoorState) and (of is doors.DOOR or of.has(state)):
         return state
     try:
         return of.state(state if isinstance(state, str) else state.name)
     except ValueError:
         got = state if isinstance(state, str) else state.name
-        raise InvalidEventError("state", f"one of {of.state_words}", got) from None
+        raise errors.InvalidEventError("state", f"one of {of.state_words}", got) from None
 
 
-def class_of(door_id: DoorId, now: CurrentMap) -> ObjectClass:
+def class_of(door_id: doors.DoorId, now: CurrentMap) -> doors.ObjectClass:
     """Return what an object is; of what is not in the map: a door."""
     known = now.state.door(door_id) if now.door_index.classes else None
-    return known.object_class if known else DOOR
+    return known.object_class if known else doors.DOOR
 
 
 def earlier_definition(
-    kind: ObjectClass, happened_ns: int | None, now: CurrentMap
+    kind: doors.ObjectClass, happened_ns: int | None, now: CurrentMap
 ) -> Iterator[ClassDefined]:
     """Yield a class's definition again if an object has the class before its definition."""
     defined = None if kind.is_door else now.state.defined(kind.name)
@@ -161,9 +143,9 @@ def check_annotation(key: str, value: str, now: CurrentMap) -> None:
     Raises:
         CommandError: No class has that name, though there are others; or it is no outline.
     """
-    if key == CLASS and value and now.door_index.classes:
+    if key == doors.CLASS and value and now.door_index.classes:
         class_meant(value, now)
-    if key == OUTLINE and value and now.door_index.classes:
+    if key == doors.OUTLINE and value and now.door_index.classes:
         check_outline(value)
 
 
@@ -174,9 +156,9 @@ def check_outline(text: str) -> None:
         CommandError: It states none.
     """
     try:
-        parse_outline(text)
+        doors.parse_outline(text)
     except ValueError as error:
-        raise CommandError(f"outline: {error}") from None
+        raise errors.CommandError(f"outline: {error}") from None
 
 
 Events: TypeAlias = "Iterable[Event | EventBatch] | EventBatch"
@@ -234,7 +216,7 @@ class Command(ABC):
         """How many events it has; None: none of them is a pose, so that it shows."""
         return None
 
-    def door_expected(self, events: Iterable[Event | EventBatch]) -> DoorId | None:
+    def door_expected(self, events: Iterable[Event | EventBatch]) -> doors.DoorId | None:
         """Return the door whose last event `expected_event` is; None: it is the log's last event.
 
         Args:
@@ -344,7 +326,7 @@ class CurrentMap:
         """Robot poses that the next commit takes with it."""
         self.index: DoorIndex | None = None
         """Which doors and levels there are; None: `door_index` finds out."""
-        self.doors: DoorMap | None = None
+        self.doors: doors.DoorMap | None = None
         """A map as of some moment since which no name has changed, or None."""
         self.past = KnownPast(WeakMethod(self._get_reader))
         """What the log still holds of its past."""
@@ -382,7 +364,7 @@ class CurrentMap:
         with self._lock:
             return self._written.get()
 
-    def door_map(self) -> DoorMap:
+    def door_map(self) -> doors.DoorMap:
         """Return the doors after the last commit as values, whatever is appended meanwhile."""
         with self._lock:
             return self._written.get().door_map()
@@ -416,7 +398,7 @@ class CurrentMap:
         with self._lock:
             return self.door_index.level_meant(level)
 
-    def resolve(self, door: str | int) -> DoorId:
+    def resolve(self, door: str | int) -> doors.DoorId:
         """Return the door of that id, name, or level/name; one that was removed, too.
 
         Raises:
@@ -428,15 +410,15 @@ class CurrentMap:
                 self.doors = self._written.get().door_map()
             try:
                 return resolve_door(door, self.doors)
-            except UnknownDoorError:
+            except errors.UnknownDoorError:
                 removed = removed_by_name(door, self._written.get())
                 if len(removed) > 1:
-                    raise UnknownDoorError(ambiguous_removed(door, removed)) from None
+                    raise errors.UnknownDoorError(ambiguous_removed(door, removed)) from None
                 if removed:
                     return removed[0]  # that it was removed, the validator says
                 raise
 
-    def check_last_event(self, expected: int, door: DoorId | None) -> None:
+    def check_last_event(self, expected: int, door: doors.DoorId | None) -> None:
         """Check that the last event is the one that a caller expects.
 
         Args:
@@ -448,13 +430,15 @@ class CurrentMap:
             InvalidEventError: That is no number.
         """
         if not is_whole_number(expected):
-            raise InvalidEventError("expected_event", "the number of an event, or -1", expected)
+            raise errors.InvalidEventError(
+                "expected_event", "the number of an event, or -1", expected
+            )
         if door is None:
             of, actual = "the log", self._writer.next_event - 1
         else:
             of, actual = f"door {door}", self.state.last_event(door)
         if expected != actual:
-            raise UnexpectedEventError(of, expected, actual)
+            raise errors.UnexpectedEventError(of, expected, actual)
 
     def events_of(self, commit: Commit) -> Iterator[Event]:
         """Yield the events of a commit, as far as they were not taken out."""
@@ -464,5 +448,5 @@ class CurrentMap:
             yield from (recorded.event for recorded in batch)
 
 
-def _names_now(written: WrittenState) -> Mapping[DoorId, str]:
+def _names_now(written: WrittenState) -> Mapping[doors.DoorId, str]:
     return written.get().names()

@@ -15,40 +15,14 @@ from dataclasses import dataclass
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.model import events as ev
 from semmap_log.core.model.commits import NO_CONTENT
 from semmap_log.core.model.doors import CLASS, DOOR, OUTLINE, Corners, DoorId, DoorState
-from semmap_log.core.model.events import (
-    ClassDefined,
-    DoorAdded,
-    DoorAnnotated,
-    DoorEvent,
-    DoorObserved,
-    DoorPassed,
-    DoorRemoved,
-    DoorRequested,
-    DoorUpdated,
-    Event,
-    FloorMap,
-    MomentPinned,
-    PatrolFinished,
-    PatrolStarted,
-    Retracted,
-    is_whole_number,
-)
 from semmap_log.core.model.meaning import PART_OF, Changed, changed
 from semmap_log.core.model.rigid_transform import RigidTransform
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CommandError
-from semmap_log.log.door_log.current_map import (
-    Command,
-    CurrentMap,
-    NewPlace,
-    check_annotation,
-    class_meant,
-    class_of,
-    earlier_definition,
-    state_meant,
-)
+from semmap_log.log.door_log import current_map
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.last_patrol import last_patrol
 from semmap_log.log.door_log.rebasing import MapStates, MeasuredDoor, RebasePlan, plan_rebase
@@ -66,7 +40,7 @@ def content_of(*words: object) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class WordedCommand(Command):
+class WordedCommand(current_map.Command):
     """A command that is known by its words."""
 
     @property
@@ -78,7 +52,7 @@ class WordedCommand(Command):
     def words(self) -> tuple[object, ...]:
         """Return the verb, and what it was given."""
 
-    def _happened(self, now: CurrentMap) -> int | None:
+    def _happened(self, now: current_map.CurrentMap) -> int | None:
         """Return when it happened; None: when it is recorded."""
         return None if self.context.at is None else now.happened_ns(self.context.at)
 
@@ -89,10 +63,10 @@ class DoorCommand(WordedCommand):
 
     door: DoorId | str
 
-    def door_expected(self, events: Iterable[Event | EventBatch]) -> DoorId | None:
+    def door_expected(self, events: Iterable[ev.Event | EventBatch]) -> DoorId | None:
         """Return the door: `expected_event` is the last about it."""
         first = next(iter(events))
-        assert isinstance(first, DoorEvent)
+        assert isinstance(first, ev.DoorEvent)
         return first.door_id
 
 
@@ -120,7 +94,7 @@ class AddDoor(WordedCommand):
                 self.state, self.prob_open, self.prob_closed, self.name)  # fmt: skip
         return (*door, self.object_class, self.outline) if self.object_class else door
 
-    def events(self, now: CurrentMap) -> list[Event]:
+    def events(self, now: current_map.CurrentMap) -> list[ev.Event]:
         """Return its adding, its name and, if it is no door, what it is.
 
         Raises:
@@ -129,16 +103,18 @@ class AddDoor(WordedCommand):
         given = now.door_index.next_free_id if self.door_id is None else self.door_id
         happened_ns = self._happened(now)
         meant = now.level_meant(self.level)
-        kind = class_meant(self.object_class, now)
-        place, outline = NewPlace(self.x, self.y, self.theta, self.width).of(kind, self.outline)
-        added = DoorAdded(
+        kind = current_map.class_meant(self.object_class, now)
+        place, outline = current_map.NewPlace(self.x, self.y, self.theta, self.width).of(
+            kind, self.outline
+        )
+        added = ev.DoorAdded(
             door_id=given,
             level=meant,
             x=place.x,
             y=place.y,
             theta=place.theta,
             width=place.width,
-            state=state_meant(self.state, kind),
+            state=current_map.state_meant(self.state, kind),
             prob_open=self.prob_open,
             prob_closed=self.prob_closed,
             happened_ns=happened_ns,
@@ -147,10 +123,10 @@ class AddDoor(WordedCommand):
             _check_unused(now, self.name, meant)
         said = {"name": self.name, CLASS: "" if kind.is_door else kind.name, OUTLINE: outline}
         return [
-            *earlier_definition(kind, happened_ns, now),
+            *current_map.earlier_definition(kind, happened_ns, now),
             added,
             *(
-                DoorAnnotated(door_id=given, key=key, value=value, happened_ns=happened_ns)
+                ev.DoorAnnotated(door_id=given, key=key, value=value, happened_ns=happened_ns)
                 for key, value in said.items()
                 if value
             ),
@@ -170,10 +146,10 @@ class DefineClass(WordedCommand):
         """Return the verb, and what it was given."""
         return ("define_class", self.name, self.geometry, self.states, self.blocks)
 
-    def events(self, now: CurrentMap) -> list[Event]:
+    def events(self, now: current_map.CurrentMap) -> list[ev.Event]:
         """Return the definition."""
         return [
-            ClassDefined(
+            ev.ClassDefined(
                 class_name=self.name,
                 geometry=self.geometry,
                 states=self.states,
@@ -201,7 +177,7 @@ class UpdateDoor(DoorCommand):
         return ("update_door", self.door, self.x, self.y, self.theta, self.level, self.width,
                 self.state, self.prob_open, self.prob_closed)  # fmt: skip
 
-    def events(self, now: CurrentMap) -> list[Event]:
+    def events(self, now: current_map.CurrentMap) -> list[ev.Event]:
         """Return the update; of a pose, the parts not given are those that the door has.
 
         Raises:
@@ -213,13 +189,13 @@ class UpdateDoor(DoorCommand):
             raise now.door_index.absent(door_id)
         given = {name: value for name in PART_OF if (value := getattr(self, name)) is not None}
         if self.state is not None:
-            given["state"] = state_meant(self.state, known.object_class)
+            given["state"] = current_map.state_meant(self.state, known.object_class)
         parts = changed(given)
         if parts & Changed.POSE:
             given = {"x": known.x, "y": known.y, "theta": known.theta} | given
         given["level"] = known.level if self.level is None else now.level_meant(self.level)
         happened_ns = self._happened(now)
-        return [DoorUpdated(door_id=door_id, changed=parts, happened_ns=happened_ns, **given)]
+        return [ev.DoorUpdated(door_id=door_id, changed=parts, happened_ns=happened_ns, **given)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,10 +206,10 @@ class RemoveDoor(DoorCommand):
         """Return the verb, and what it was given."""
         return ("remove_door", self.door)
 
-    def events(self, now: CurrentMap) -> list[Event]:
+    def events(self, now: current_map.CurrentMap) -> list[ev.Event]:
         """Return its removal."""
         door_id = door_meant(self.door, now)
-        return [DoorRemoved(door_id=door_id, happened_ns=self._happened(now))]
+        return [ev.DoorRemoved(door_id=door_id, happened_ns=self._happened(now))]
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,14 +227,14 @@ class ObserveDoor(DoorCommand):
         return ("observe", self.door, self.state, self.accuracy, self.accuracy_open,
                 self.accuracy_closed, self.opening)  # fmt: skip
 
-    def events(self, now: CurrentMap) -> list[Event]:
+    def events(self, now: current_map.CurrentMap) -> list[ev.Event]:
         """Return the sighting."""
         accuracy, is_open, is_closed = self.accuracy, self.accuracy_open, self.accuracy_closed
         door_id = door_meant(self.door, now)
         return [
-            DoorObserved(
+            ev.DoorObserved(
                 door_id=door_id,
-                state=state_meant(self.state, class_of(door_id, now)),
+                state=current_map.state_meant(self.state, current_map.class_of(door_id, now)),
                 accuracy_open=accuracy if is_open is None else is_open,
                 accuracy_closed=accuracy if is_closed is None else is_closed,
                 opening=self.opening,
@@ -278,23 +254,27 @@ class AnnotateDoor(DoorCommand):
         """Return the verb, and what it was given."""
         return ("annotate", self.door, self.key, self.value)
 
-    def events(self, now: CurrentMap) -> list[Event]:
+    def events(self, now: current_map.CurrentMap) -> list[ev.Event]:
         """Return the annotation.
 
         Raises:
             CommandError: It is a name that another door of the level bears, or no class.
         """
         door_id = door_meant(self.door, now)
-        check_annotation(self.key, self.value, now)
+        current_map.check_annotation(self.key, self.value, now)
         if self.key == "name" and self.value:
             _check_unused(now, self.value, level_of(door_id, now), but=door_id)
         happened_ns = self._happened(now)
         kind = (
-            class_meant(self.value, now) if self.key == CLASS and now.door_index.classes else DOOR
+            current_map.class_meant(self.value, now)
+            if self.key == CLASS and now.door_index.classes
+            else DOOR
         )
         return [
-            DoorAnnotated(door_id=door_id, key=self.key, value=self.value, happened_ns=happened_ns),
-            *earlier_definition(kind, happened_ns, now),
+            ev.DoorAnnotated(
+                door_id=door_id, key=self.key, value=self.value, happened_ns=happened_ns
+            ),
+            *current_map.earlier_definition(kind, happened_ns, now),
         ]
 
 
@@ -308,11 +288,11 @@ class RequestDoor(DoorCommand):
         """Return the verb, and what it was given."""
         return ("request", self.door, self.state)
 
-    def events(self, now: CurrentMap) -> list[Event]:
+    def events(self, now: current_map.CurrentMap) -> list[ev.Event]:
         """Return the request."""
         door_id = door_meant(self.door, now)
-        state = state_meant(self.state, class_of(door_id, now))
-        return [DoorRequested(door_id=door_id, state=state, happened_ns=self._happened(now))]
+        state = current_map.state_meant(self.state, current_map.class_of(door_id, now))
+        return [ev.DoorRequested(door_id=door_id, state=state, happened_ns=self._happened(now))]
 
 
 @dataclass(frozen=True, slots=True)
@@ -326,10 +306,10 @@ class PassDoor(DoorCommand):
         """Return the verb, and what it was given."""
         return ("passed", self.door, self.passed, self.waited_s)
 
-    def events(self, now: CurrentMap) -> list[Event]:
+    def events(self, now: current_map.CurrentMap) -> list[ev.Event]:
         """Return the passing."""
         return [
-            DoorPassed(
+            ev.DoorPassed(
                 door_id=door_meant(self.door, now),
                 passed=self.passed,
                 waited_s=self.waited_s,
@@ -349,7 +329,7 @@ class RetractEvents(WordedCommand):
         """Return the verb, and what it was given."""
         return ("retract", self.first, self.last)
 
-    def events(self, now: CurrentMap) -> list[Event]:
+    def events(self, now: current_map.CurrentMap) -> list[ev.Event]:
         """Return the retraction.
 
         Raises:
@@ -357,7 +337,7 @@ class RetractEvents(WordedCommand):
         """
         now.past.check_retraction(self.first, self.last)
         happened_ns = self._happened(now)
-        return [Retracted(first_event=self.first, last_event=self.last, happened_ns=happened_ns)]
+        return [ev.Retracted(first_event=self.first, last_event=self.last, happened_ns=happened_ns)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -372,10 +352,10 @@ class PinMoment(WordedCommand):
         """Return the verb, and the name."""
         return ("pin", self.name)
 
-    def events(self, now: CurrentMap) -> list[Event]:
+    def events(self, now: current_map.CurrentMap) -> list[ev.Event]:
         """Return the pin."""
         at_ns = now.now_ns() if self.at_ns is None else self.at_ns
-        return [MomentPinned(at_ns=at_ns, name=self.name)]
+        return [ev.MomentPinned(at_ns=at_ns, name=self.name)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -386,10 +366,10 @@ class StartPatrol(WordedCommand):
         """Return the verb."""
         return ("start_patrol",)
 
-    def events(self, now: CurrentMap) -> list[Event]:
+    def events(self, now: current_map.CurrentMap) -> list[ev.Event]:
         """Return its beginning; its number is one more than the last one's."""
-        number = last_patrol(now.reader, PatrolStarted) + 1
-        return [PatrolStarted(patrol=number, happened_ns=self._happened(now))]
+        number = last_patrol(now.reader, ev.PatrolStarted) + 1
+        return [ev.PatrolStarted(patrol=number, happened_ns=self._happened(now))]
 
 
 @dataclass(frozen=True, slots=True)
@@ -400,37 +380,39 @@ class FinishPatrol(WordedCommand):
         """Return the verb."""
         return ("finish_patrol",)
 
-    def events(self, now: CurrentMap) -> list[Event]:
+    def events(self, now: current_map.CurrentMap) -> list[ev.Event]:
         """Return its end.
 
         Raises:
             CommandError: No round is under way.
         """
-        number = last_patrol(now.reader, PatrolStarted)
-        if number <= last_patrol(now.reader, PatrolFinished):
+        number = last_patrol(now.reader, ev.PatrolStarted)
+        if number <= last_patrol(now.reader, ev.PatrolFinished):
             line = command_line("patrol", now.path, "start")
             raise CommandError(f"no patrol round is under way; to begin one: {line}")
-        return [PatrolFinished(patrol=number, happened_ns=self._happened(now))]
+        return [ev.PatrolFinished(patrol=number, happened_ns=self._happened(now))]
 
 
-def door_meant(door: str | int, now: CurrentMap) -> DoorId:
+def door_meant(door: str | int, now: current_map.CurrentMap) -> DoorId:
     """Return the door that a command is about; does not check that a door of that id exists.
 
     Raises:
         UnknownDoorError: No door has that name, or more than one.
     """
-    if not isinstance(door, str) and is_whole_number(door):
+    if not isinstance(door, str) and ev.is_whole_number(door):
         return DoorId(int(door))  # whether it is there, the validator says
     return now.resolve(door)
 
 
-def level_of(door_id: DoorId, now: CurrentMap) -> int:
+def level_of(door_id: DoorId, now: current_map.CurrentMap) -> int:
     """Return the level that a door is on; 0 for one that is not there."""
     known = now.state.door(door_id)
     return known.level if known else 0
 
 
-def _check_unused(now: CurrentMap, name: str, level: int, *, but: DoorId | None = None) -> None:
+def _check_unused(
+    now: current_map.CurrentMap, name: str, level: int, *, but: DoorId | None = None
+) -> None:
     """Check that the name is unused on this level.
 
     Raises:
@@ -452,7 +434,7 @@ DIGITS = 6
 class RebaseMap(WordedCommand):
     """A level is to have a new map, and its doors their places in it."""
 
-    floor: FloorMap
+    floor: ev.FloorMap
     by: RigidTransform
     measured: Mapping[DoorId | str, MeasuredDoor]
     level: int | str | None
@@ -466,7 +448,7 @@ class RebaseMap(WordedCommand):
         by = [round(number, DIGITS) for number in self.by.as_list()]
         return ("rebase", self.level or 0, lies, cells, by, doors)
 
-    def events(self, now: CurrentMap) -> list[Event]:
+    def events(self, now: current_map.CurrentMap) -> list[ev.Event]:
         """Return the map, and each door's new place.
 
         Raises:
@@ -488,7 +470,7 @@ class RebaseMap(WordedCommand):
 
 def rebase_plan(
     log: DoorLog,
-    floor: FloorMap,
+    floor: ev.FloorMap,
     by: RigidTransform,
     measured: Mapping[DoorId, MeasuredDoor],
     *,
@@ -521,8 +503,8 @@ def _floor_event(state: DoorMapState, level: int) -> int | None:
     return None if known is None else known.floor_map_event
 
 
-def _floor(reader: LogReader, number: int) -> FloorMap:
+def _floor(reader: LogReader, number: int) -> ev.FloorMap:
     """Return the floor plan that an event carries."""
     event = reader.event(number).event
-    assert isinstance(event, FloorMap)
+    assert isinstance(event, ev.FloorMap)
     return event

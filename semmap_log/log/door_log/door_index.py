@@ -20,14 +20,7 @@ from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.levels import level_called, level_numbers, only_level
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.messages import OBJECT_KINDS
-from semmap_log.core.model.doors import (
-    MAX_DOOR_ID,
-    DoorId,
-    DoorMap,
-    ObjectClass,
-    is_given,
-    next_door_id,
-)
+from semmap_log.core.model import doors as door_model
 from semmap_log.core.model.events import (
     KINDS,
     NO_LEVEL,
@@ -49,7 +42,7 @@ from semmap_log.core.model.meaning import PLACING, Changed, Presence
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CommandError, DoorRemovedError, InvalidEventError, UnknownDoorError
 
-MOST_ID_DIGITS = len(str(MAX_DOOR_ID))
+MOST_ID_DIGITS = len(str(door_model.MAX_DOOR_ID))
 
 
 def _is_door_id(text: str) -> bool:
@@ -57,7 +50,7 @@ def _is_door_id(text: str) -> bool:
     return text.isdecimal() and len(text) <= MOST_ID_DIGITS
 
 
-def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
+def resolve_door(text: str | int, door_map: door_model.DoorMap) -> door_model.DoorId:
     """Return the door that a person means by an id, `id:7`, a name, or level/name.
 
     A text of digits can be a name, too; `id:7` is the id, whatever doors are called.
@@ -78,7 +71,7 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
             if door.name and f"{door_map.level_name(door.level)}/{door.name}" == text
         ]
     if isinstance(text, str) and _is_door_id(text):
-        numbered = door_map.doors.get(DoorId(int(text)))
+        numbered = door_map.doors.get(door_model.DoorId(int(text)))
         doors += [numbered] if numbered and numbered not in doors else []
     if len(doors) == 1:
         return doors[0].door_id
@@ -95,16 +88,16 @@ def resolve_door(text: str | int, door_map: DoorMap) -> DoorId:
     raise UnknownDoorError(f"no door is called {text!r}.{_similar(str(text), door_map)}")
 
 
-def _door_of_id(text: str, door_map: DoorMap) -> DoorId:
+def _door_of_id(text: str, door_map: door_model.DoorMap) -> door_model.DoorId:
     digits = text.removeprefix(ID_PREFIX)
     if not _is_door_id(digits):
         raise UnknownDoorError(f"{text!r}: expected a door's id, such as {ID_PREFIX}7.")
     if int(digits) not in door_map.doors:
         raise UnknownDoorError(absence_message(int(digits)))
-    return DoorId(int(digits))
+    return door_model.DoorId(int(digits))
 
 
-def _similar(text: str, door_map: DoorMap) -> str:
+def _similar(text: str, door_map: door_model.DoorMap) -> str:
     from difflib import get_close_matches
 
     names = sorted({door.name for door in door_map.doors.values() if door.name})
@@ -182,7 +175,9 @@ def lacks_levels(batch: EventBatch) -> bool:
     if any((rows["level"] == NO_LEVEL).any() for rows in columns):
         return True
     maps = batch.objects.get(FloorMap.kind, ())
-    return any(isinstance(event, FloorMap) and not is_given(event.level) for event in maps)
+    return any(
+        isinstance(event, FloorMap) and not door_model.is_given(event.level) for event in maps
+    )
 
 
 def _distinct(ids: NDArray[np.uint32]) -> set[int]:
@@ -218,11 +213,13 @@ class DoorIndex:
     """Levels that have a name or a floor map -> the name."""
     removals: dict[int, Removal]
     """Doors that were removed, as far as that can be taken back."""
-    classes: dict[str, ObjectClass]
+    classes: dict[str, door_model.ObjectClass]
     """The classes of objects that are defined."""
     log: PurePath = field(default=PurePath("LOG"), repr=False, compare=False)
     """Where the log is, for messages."""
-    names: Callable[[], Mapping[DoorId, str]] = field(default=dict, repr=False, compare=False)
+    names: Callable[[], Mapping[door_model.DoorId, str]] = field(
+        default=dict, repr=False, compare=False
+    )
     """What doors are called, removed ones too: for messages."""
     _levels: dict[int, str | None] | None = field(default=None, repr=False, compare=False)
     _on_level: Counter[int] | None = field(default=None, repr=False, compare=False)
@@ -251,7 +248,7 @@ class DoorIndex:
         )
 
     @classmethod
-    def of_map(cls, door_map: DoorMap, used_ids: Iterable[int]) -> DoorIndex:
+    def of_map(cls, door_map: door_model.DoorMap, used_ids: Iterable[int]) -> DoorIndex:
         """Return the index of doors as values, where nothing is known of when they came."""
         doors = door_map.doors.values()
         return cls(
@@ -312,18 +309,18 @@ class DoorIndex:
         """
         if isinstance(level, str):
             return level_called(level, self.levels)
-        if level is None or not is_given(level):
+        if level is None or not door_model.is_given(level):
             return only_level(self.levels)
         return int(level) if isinstance(level, np.integer) else level
 
     @property
-    def next_free_id(self) -> DoorId:
+    def next_free_id(self) -> door_model.DoorId:
         """The id after the greatest that was ever given: see `next_door_id`."""
-        return next_door_id(self.used_ids, max(self.used_ids, default=0))
+        return door_model.next_door_id(self.used_ids, max(self.used_ids, default=0))
 
     def told(self, door_id: int) -> str:
         """Return a door in words, with its name."""
-        return described_door(door_id, self.names().get(DoorId(door_id)))
+        return described_door(door_id, self.names().get(door_model.DoorId(door_id)))
 
     def way_back(self, door_id: int) -> str:
         """Return how a door that was removed comes back under its id, in words."""
@@ -427,11 +424,11 @@ ID_PREFIX = "id:"
 """`id:7` is the door of that id, whatever doors are called."""
 
 
-def removed_by_name(text: str | int, state: DoorMapState) -> list[DoorId]:
+def removed_by_name(text: str | int, state: DoorMapState) -> list[door_model.DoorId]:
     """Return the removed doors of that id, name, or level/name, ids ascending."""
     levels = state.level_names()
     found = []
-    for door_id in map(DoorId, sorted(state.used_door_ids)):
+    for door_id in map(door_model.DoorId, sorted(state.used_door_ids)):
         removed = state.removed_door(door_id)
         if removed is None:
             continue
@@ -444,7 +441,7 @@ def removed_by_name(text: str | int, state: DoorMapState) -> list[DoorId]:
     return found
 
 
-def removal_message(doors: Sequence[DoorId], state: DoorMapState) -> str:
+def removal_message(doors: Sequence[door_model.DoorId], state: DoorMapState) -> str:
     """Return that doors were removed, and how to ask of the time when they were there."""
     said = []
     for door_id in doors:
@@ -456,7 +453,7 @@ def removal_message(doors: Sequence[DoorId], state: DoorMapState) -> str:
     return ". ".join(said) + "."
 
 
-def ambiguous_removed(text: str | int, doors: Sequence[DoorId]) -> str:
+def ambiguous_removed(text: str | int, doors: Sequence[door_model.DoorId]) -> str:
     """Return that a name can mean several removed doors, and how to say which."""
     return (
         f"{text!r} is the name of {len(doors)} doors that were removed; say which by "
@@ -475,6 +472,6 @@ def absence_message(door_id: int) -> str:
     return f"door {door_id} is not in the map{why}."
 
 
-def which_id(doors: Sequence[DoorId]) -> str:
+def which_id(doors: Sequence[door_model.DoorId]) -> str:
     """Return how one of several doors is meant: `id:1 or id:4`."""
     return " or ".join(f"{ID_PREFIX}{door_id}" for door_id in doors)

@@ -22,25 +22,9 @@ from semmap_log.core.folds.projection import SAVE_EVERY_S, Projection
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import place_of
 from semmap_log.core.late_answers import answer_of
+from semmap_log.core.model import events, moments
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import DOOR, DoorId, DoorMap, ObjectClass, ShownAsTable
-from semmap_log.core.model.events import (
-    Event,
-    FloorMap,
-    MomentPinned,
-    PatrolFinished,
-    PatrolStarted,
-    is_whole_number,
-    kinds_meant,
-)
-from semmap_log.core.model.moments import (
-    Moment,
-    check_ordered,
-    format_local,
-    format_short,
-    parse_moment,
-    parse_range,
-)
 from semmap_log.core.texts import counted
 from semmap_log.errors import ClockTimeWarning, LogError, MomentError
 from semmap_log.log.door_log.queries import (
@@ -110,7 +94,9 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             spans = [one.span for one in self._reader.segments if len(one.chunks)]
             if spans:
                 ends = min(first for first, _ in spans), max(last for _, last in spans)
-                said += ", {} to {}".format(*(format_short(ns, self.info.timezone) for ns in ends))
+                said += ", {} to {}".format(
+                    *(moments.format_short(ns, self.info.timezone) for ns in ends)
+                )
         except LogError:
             said = "damaged"
         return f"<{type(self).__name__} {str(self._reader.folder)!r}: {said}>"
@@ -256,7 +242,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         *,
         recorded: bool = False,
         doors: Collection[DoorId | str] | None = None,
-        kinds: Collection[type[Event] | str] | None = None,
+        kinds: Collection[type[events.Event] | str] | None = None,
         retracted: bool = False,
         progress: Progress | None = None,
     ) -> Iterator[EventBatch]:
@@ -292,7 +278,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         until: Time = None,
         *,
         recorded: bool = False,
-        kinds: Collection[type[Event] | str] | None = None,
+        kinds: Collection[type[events.Event] | str] | None = None,
     ) -> Window:
         """Return the bounds that these moments mean; `event:12` bounds the numbers.
 
@@ -320,7 +306,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             recorded_before_ns=last.ns if recorded else None,
             first_event=first.event,
             before_event=last.event,
-            kinds=EVENT_BITS if kinds is None else kinds_mask(kinds_meant(kinds)),
+            kinds=EVENT_BITS if kinds is None else kinds_mask(events.kinds_meant(kinds)),
         )
 
     def commits(self) -> Iterator[Commit]:
@@ -493,7 +479,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         self._reader.check_known(limit)
         return kept_commits(self._reader, at_ns=scope.at_ns, limit=limit)
 
-    def last_patrol(self, kind: type[PatrolStarted | PatrolFinished]) -> int:
+    def last_patrol(self, kind: type[events.PatrolStarted | events.PatrolFinished]) -> int:
         """Return the greatest number of a round that began, or ended; 0: none did."""
         from semmap_log.log.door_log.last_patrol import last_patrol
 
@@ -511,7 +497,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
         return before_first_ns(self._reader)
 
-    def backdated(self, doors: Collection[DoorId], since_ns: int) -> list[Event]:
+    def backdated(self, doors: Collection[DoorId], since_ns: int) -> list[events.Event]:
         """Return the events of one commit by which doors are in the map from an earlier time on."""
         from semmap_log.log.door_log.summary import backdated
 
@@ -542,7 +528,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         until: Time = None,
         *,
         recorded: bool = False,
-        kinds: Collection[type[Event] | str] | None = None,
+        kinds: Collection[type[events.Event] | str] | None = None,
         object_class: str | None = None,
     ) -> Iterator[HistoryEntry]:
         """Yield events with who did it and why, retracted ones marked; since <= happened < until.
@@ -716,7 +702,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
         scope = self.scope(at, known_at)
         since_ns, until_ns = self.instant(since), self.instant(until)
-        check_ordered(since_ns, until_ns)
+        moments.check_ordered(since_ns, until_ns)
         warn_of_clock(self, since_ns)
         self._reader.check_horizon(Window(happened_from_ns=since_ns, happened_before_ns=until_ns))
         requested_ns = scope.known_at_ns if scope.at_ns is None else scope.at_ns
@@ -762,7 +748,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         event = self.event(moment.event)
         return min(event.happened_ns, event.recorded_ns)
 
-    def floor_map(self, level: int | str | None = None, at: Time = None) -> FloorMap | None:
+    def floor_map(self, level: int | str | None = None, at: Time = None) -> events.FloorMap | None:
         """Return a level's floor plan; None if it has none.
 
         Args:
@@ -777,13 +763,13 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         doors = self.replay(at=at)
         return self.floor_of(doors, resolve_level(level, doors))
 
-    def floor_of(self, doors: DoorMap, level: int) -> FloorMap | None:
+    def floor_of(self, doors: DoorMap, level: int) -> events.FloorMap | None:
         """Return the floor plan that a level has in a door map of this log; None: it has none."""
         known = doors.levels.get(level)
         if known is None or known.floor_map_event is None:
             return None
         event = self.event(known.floor_map_event).event
-        assert isinstance(event, FloorMap)
+        assert isinstance(event, events.FloorMap)
         return event
 
     def end_ns(self) -> int:
@@ -869,7 +855,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
         return ids_or_removed(doors, self._reader)
 
-    def moment(self, time: Time, *, now_ns: int | None = None) -> Moment:
+    def moment(self, time: Time, *, now_ns: int | None = None) -> moments.Moment:
         """Return what a time means in this log.
 
         Args:
@@ -885,7 +871,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             return self._moment(time, lambda: now_ns)
         return self._moment(time, self.end_ns, lambda: self._last_before(str(time)))
 
-    def known_moment(self, time: Time) -> Moment:
+    def known_moment(self, time: Time) -> moments.Moment:
         """Return what a recorded time means: `now` is the last commit, and `2h ago` before that.
 
         Raises:
@@ -895,7 +881,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
     def _moment(
         self, time: Time, end_ns: Callable[[], int], last_ns: Callable[[], int] | None = None
-    ) -> Moment:
+    ) -> moments.Moment:
         if isinstance(time, str) and time.startswith(PIN):
             return self._pinned(time.removeprefix(PIN))
         if isinstance(time, int):
@@ -906,9 +892,11 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         """Return up to when a clock time or a weekday is the last one; warn where it matters."""
         end_ns, last_ns = self.end_ns(), self.states_end_ns()
         tz = self.info.timezone
-        taken = parse_moment(time, tz=tz, end_ns=lambda: last_ns)
-        if taken.ns is not None and taken != parse_moment(time, tz=tz, end_ns=lambda: end_ns):
-            shown = format_local(taken.ns, tz)
+        taken = moments.parse_moment(time, tz=tz, end_ns=lambda: last_ns)
+        if taken.ns is not None and taken != moments.parse_moment(
+            time, tz=tz, end_ns=lambda: end_ns
+        ):
+            shown = moments.format_local(taken.ns, tz)
             warnings.warn(
                 ClockTimeWarning(
                     f"{time} is taken as {shown}: the last one before anything was last said of a "
@@ -918,26 +906,26 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             )
         return last_ns
 
-    def _pinned(self, name: str) -> Moment:
+    def _pinned(self, name: str) -> moments.Moment:
         known = self.pins()
         if name not in known:
             there = f"the log has {', '.join(known)}" if known else "the log has none"
             raise MomentError(f"pin:{name}: expected the name of a pin; {there}.")
-        return Moment(ns=known[name].at_ns)
+        return moments.Moment(ns=known[name].at_ns)
 
-    def pins(self) -> dict[str, MomentPinned]:
+    def pins(self) -> dict[str, events.MomentPinned]:
         """Return the pinned moments by their names: `pin:NAME` is one, as a time."""
         from semmap_log.log.replay.state import pins
 
         return pins(self._reader)
 
-    def span(self, text: str) -> tuple[Moment, Moment]:
+    def span(self, text: str) -> tuple[moments.Moment, moments.Moment]:
         """Return the two moments of `T1..T2`.
 
         Raises:
             MomentError: It is not two moments, the earlier first.
         """
-        return parse_range(text, self.moment)
+        return moments.parse_range(text, self.moment)
 
     def scope(self, at: Time = None, known_at: Time = None, event: int | None = None) -> Scope:
         """Return the bounds that these moments mean; `event:12` bounds the numbers.
@@ -947,7 +935,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             LogError: There is no event of that number.
         """
         happened, known = self.moment(at), self.known_moment(known_at)
-        if event is not None and (not is_whole_number(event) or event < 0):
+        if event is not None and (not events.is_whole_number(event) or event < 0):
             raise MomentError(f"event {event!r}: expected a whole number, from 0 on.")
         numbers = [n for n in (event, happened.event, known.event) if n is not None]
         for number in numbers:

@@ -9,27 +9,13 @@ from typing import TYPE_CHECKING, Final, TypeAlias, TypedDict, TypeVar
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.io.progress import Progress
+from semmap_log.core.model import events as ev
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Note
 from semmap_log.core.model.doors import NAN, DoorId, DoorMap, DoorState, Geometry, split_words
-from semmap_log.core.model.events import (
-    DoorAdded,
-    Event,
-    FloorMap,
-    PatrolFinished,
-    PatrolStarted,
-    RobotPose,
-    is_whole_number,
-)
 from semmap_log.core.model.keywords import check_keywords
 from semmap_log.errors import InvalidEventError
+from semmap_log.log.door_log import current_map
 from semmap_log.log.door_log.appender import Appended, Appender
-from semmap_log.log.door_log.current_map import (
-    CommandContext,
-    Events,
-    GivenEvents,
-    ImportedCommit,
-    LazyEvents,
-)
 from semmap_log.log.door_log.door_commands import (
     AddDoor,
     AnnotateDoor,
@@ -62,7 +48,7 @@ if TYPE_CHECKING:
 
     from semmap_log.core.model.rigid_transform import RigidTransform
 
-E = TypeVar("E", bound=Event)
+E = TypeVar("E", bound=ev.Event)
 Measured: TypeAlias = "tuple[float, float, float] | tuple[float, float, float, float]"
 """Where a door lies, as somebody measured it: x, y, theta and, if it was measured, the width."""
 
@@ -139,7 +125,7 @@ class DoorLogWriter(DoorLog):
         command = AddDoor(_context(self.add_door, about), door_id, level, x, y, theta, width,
                           _state(state), prob_open, prob_closed, name, object_class,
                           corners)  # fmt: skip
-        return _first_of(DoorAdded, self._appender.append(command)).door_id
+        return _first_of(ev.DoorAdded, self._appender.append(command)).door_id
 
     def define_class(
         self,
@@ -305,7 +291,7 @@ class DoorLogWriter(DoorLog):
 
     def rebase(
         self,
-        floor: FloorMap,
+        floor: ev.FloorMap,
         *,
         by: RigidTransform | tuple[float, float, float],
         doors: Mapping[DoorId | str, Measured] = MappingProxyType({}),
@@ -347,7 +333,7 @@ class DoorLogWriter(DoorLog):
     ) -> tuple[Appended, int]:
         """Record that a round began; return its number, one more than the last one's."""
         appended = self._appender.append(StartPatrol(_context(self.start_patrol, about)))
-        return appended, _first_of(PatrolStarted, appended).patrol
+        return appended, _first_of(ev.PatrolStarted, appended).patrol
 
     def finish_patrol(
         self,
@@ -359,11 +345,11 @@ class DoorLogWriter(DoorLog):
             CommandError: No round is under way.
         """
         appended = self._appender.append(FinishPatrol(_context(self.finish_patrol, about)))
-        return appended, _first_of(PatrolFinished, appended).patrol
+        return appended, _first_of(ev.PatrolFinished, appended).patrol
 
     def append(
         self,
-        events: Events,
+        events: current_map.Events,
         *,
         note: Note = Note(),
         command_id: bytes | None = None,
@@ -391,12 +377,14 @@ class DoorLogWriter(DoorLog):
             UnexpectedEventError: The log went on since.
             LogPoisonedError: A write failed; the outcome is unknown until the log is reopened.
         """
-        context = CommandContext(None, note, command_id, expected_event)
-        return self._appender.append(GivenEvents.of(events, context, content), sync=sync)
+        context = current_map.CommandContext(None, note, command_id, expected_event)
+        return self._appender.append(
+            current_map.GivenEvents.of(events, context, content), sync=sync
+        )
 
     def append_made(
         self,
-        make: Callable[[], list[Event]],
+        make: Callable[[], list[ev.Event]],
         *,
         note: Note = Note(),
         command_id: bytes | None = None,
@@ -419,8 +407,8 @@ class DoorLogWriter(DoorLog):
             CommandReusedError: The command is stored already, with other content.
             LogPoisonedError: A write failed; the outcome is unknown until the log is reopened.
         """
-        context = CommandContext(None, note, command_id)
-        return self._appender.append_if_any(LazyEvents(context, make, content))
+        context = current_map.CommandContext(None, note, command_id)
+        return self._appender.append_if_any(current_map.LazyEvents(context, make, content))
 
     def sync(self) -> None:
         """Return once every commit so far survives a power cut."""
@@ -428,7 +416,7 @@ class DoorLogWriter(DoorLog):
 
     def take_over(
         self,
-        make: Callable[[int], Iterable[Event | EventBatch]],
+        make: Callable[[int], Iterable[ev.Event | EventBatch]],
         *,
         note: Note,
         command_id: bytes,
@@ -451,7 +439,9 @@ class DoorLogWriter(DoorLog):
             CommandError: The map forbids an event; nothing of the commit is stored.
             LogPoisonedError: A write failed; the outcome is unknown until the log is reopened.
         """
-        command = ImportedCommit(CommandContext(None, note, command_id), make, content)
+        command = current_map.ImportedCommit(
+            current_map.CommandContext(None, note, command_id), make, content
+        )
         return self._appender.take_over(command, are_facts=are_facts, recorded_ns=recorded_ns)
 
     def begin_at(self, recorded_ns: int) -> bool:
@@ -488,7 +478,7 @@ class DoorLogWriter(DoorLog):
         """
         return self._appender.find_command(command_id)
 
-    def robot_pose(self, pose: RobotPose) -> None:
+    def robot_pose(self, pose: ev.RobotPose) -> None:
         """Keep a pose for the next commit; if none comes within a second, it gets its own.
 
         Raises:
@@ -578,17 +568,19 @@ def _first_of(kind: type[E], appended: Appended) -> E:
     return next(event for event in appended.events if isinstance(event, kind))
 
 
-def _context(verb: Callable[..., object], about: About) -> CommandContext:
+def _context(verb: Callable[..., object], about: About) -> current_map.CommandContext:
     if not about:
         return _NOTHING_TOLD
     check_keywords(verb, about, About)
     whole = _NOT_GIVEN | about
     said = (whole["actor"], whole["source"], whole["reason"], whole["correlation"])
     note = Note(*said) if any(said) else Note()
-    return CommandContext(whole["at"], note, whole["command_id"], whole["expected_event"])
+    return current_map.CommandContext(
+        whole["at"], note, whole["command_id"], whole["expected_event"]
+    )
 
 
-_NOTHING_TOLD = CommandContext()
+_NOTHING_TOLD = current_map.CommandContext()
 
 
 def _state(state: DoorState | str) -> DoorState | str:
@@ -602,7 +594,7 @@ def _state(state: DoorState | str) -> DoorState | str:
     try:
         if isinstance(state, str):
             return DoorState.__members__.get(state.strip().upper(), state)
-        if is_whole_number(state):
+        if ev.is_whole_number(state):
             return DoorState(state)
     except ValueError:
         pass

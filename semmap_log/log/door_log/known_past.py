@@ -18,6 +18,7 @@ from weakref import WeakMethod
 
 import numpy as np
 
+from semmap_log import errors
 from semmap_log.core.batches.columnar_events import ColumnarEvents
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.early_events import MAY_BE_EARLY, Addings, EarlyEvents
@@ -26,44 +27,12 @@ from semmap_log.core.folds.levels import only_level, told
 from semmap_log.core.folds.registers import COMES, state_rows, writes_of
 from semmap_log.core.folds.thinned_runs import HOUR_NS, ThinnedRun, ThinnedRuns
 from semmap_log.core.io.clock import MAX_TIME_NS
+from semmap_log.core.model import events as ev
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import DoorState, is_given
-from semmap_log.core.model.events import (
-    STATE_KINDS,
-    ClassDefined,
-    DoorAdded,
-    DoorAnnotated,
-    DoorEvent,
-    DoorRemoved,
-    DoorUpdated,
-    Event,
-    FloorMap,
-    LevelAdded,
-    Retracted,
-    SightingsThinned,
-    UnknownEvent,
-)
 from semmap_log.core.model.meaning import PLACING, Changed
 from semmap_log.core.model.moments import format_local
-from semmap_log.errors import (
-    CommandError,
-    DoorExistsError,
-    DoorRemovedError,
-    InvalidEventError,
-    UnknownDoorError,
-    UnknownLevelError,
-)
-from semmap_log.log.door_log.door_index import (
-    HARMLESS,
-    ON_A_LEVEL,
-    SIGHTINGS,
-    DoorIndex,
-    absence_message,
-    kinds_of,
-    lacks_levels,
-    rows_to_check,
-    with_levels,
-)
+from semmap_log.log.door_log import door_index
 from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window
@@ -78,7 +47,7 @@ class Validator:
 
     def __init__(
         self,
-        index: DoorIndex,
+        index: door_index.DoorIndex,
         next_event: int,
         now_ns: Callable[[], int] | None = None,
         *,
@@ -112,13 +81,13 @@ class Validator:
         self._is_own = False
         self._first = next_event if first_new is None else first_new
         self._next_event = next_event
-        self._timeless: list[DoorAdded | DoorRemoved] = []
+        self._timeless: list[ev.DoorAdded | ev.DoorRemoved] = []
         self._retracted: dict[int, int] = {}
         """Doors whose adding this commit retracts -> when they had been added."""
         self.early: EarlyCounter | None = None
         """Of what passed and had happened before its door was added; None: nothing did."""
 
-    def check_all(self, events: Sequence[Event | EventBatch]) -> Sequence[Event | EventBatch]:
+    def check_all(self, events: Sequence[ev.Event | EventBatch]) -> Sequence[ev.Event | EventBatch]:
         """Let these events pass, one after the other; return them, all with their levels.
 
         Raises:
@@ -133,7 +102,7 @@ class Validator:
                 return taken
         return list(self.checked(events))
 
-    def checked(self, events: Iterable[Event | EventBatch]) -> Iterator[Event | EventBatch]:
+    def checked(self, events: Iterable[ev.Event | EventBatch]) -> Iterator[ev.Event | EventBatch]:
         """Yield each of the events once it has passed, with its level.
 
         Raises:
@@ -156,11 +125,13 @@ class Validator:
             CommandError: As `check`.
         """
         batch.check()
-        for part in batch.parts(ROWS_AT_A_TIME) if lacks_levels(batch) else [batch]:
-            if lacks_levels(part) and all(kind in HARMLESS for kind in kinds_of(part)):
+        for part in batch.parts(ROWS_AT_A_TIME) if door_index.lacks_levels(batch) else [batch]:
+            if door_index.lacks_levels(part) and all(
+                kind in door_index.HARMLESS for kind in door_index.kinds_of(part)
+            ):
                 self._check_rows(part)
-                yield with_levels(part, only_level(self.index.levels))
-            elif lacks_levels(part):
+                yield door_index.with_levels(part, only_level(self.index.levels))
+            elif door_index.lacks_levels(part):
                 yield EventBatch.from_events([self.check(event) for event in part.to_events()])
             else:
                 self._check_rows(part)
@@ -169,7 +140,7 @@ class Validator:
     def _check_rows(self, batch: EventBatch) -> None:
         for part in batch.parts(ROWS_AT_A_TIME):
             first = self._next_event
-            asked = rows_to_check(part, self.index)
+            asked = door_index.rows_to_check(part, self.index)
             if asked is not None:
                 rows = np.flatnonzero(asked).tolist()
                 for row, recorded in zip(rows, part.select(asked), strict=True):
@@ -178,10 +149,10 @@ class Validator:
             if self._past is not None:
                 self._past.check_late(part)
             self._early().note_rows(part, self.index.added_ns)
-            self.keeps_names &= DoorUpdated not in part
+            self.keeps_names &= ev.DoorUpdated not in part
             self._next_event = first + len(part)
 
-    def check(self, event: Event) -> Event:
+    def check(self, event: ev.Event) -> ev.Event:
         """Let the event pass, and return it with its level.
 
         Raises:
@@ -195,50 +166,50 @@ class Validator:
         self._early().note(event, self.index.added_ns)
         return event
 
-    def _let_pass(self, event: Event) -> Event:
-        if isinstance(event, SIGHTINGS) and event.door_id in self.index.placed:
+    def _let_pass(self, event: ev.Event) -> ev.Event:
+        if isinstance(event, door_index.SIGHTINGS) and event.door_id in self.index.placed:
             self._next_event += 1  # nearly every event of a patrol: nothing else can be wrong
             return event
         event = self.with_level(event)
-        if isinstance(event, DoorAdded):
+        if isinstance(event, ev.DoorAdded):
             self._check_new(event)
-        elif isinstance(event, DoorEvent):
+        elif isinstance(event, ev.DoorEvent):
             self._check_known(event)
-            if isinstance(event, DoorUpdated):
+            if isinstance(event, ev.DoorUpdated):
                 self._check_update(event)
-            elif isinstance(event, DoorRemoved):
+            elif isinstance(event, ev.DoorRemoved):
                 self._check_removal(event)
-        elif isinstance(event, Retracted):
+        elif isinstance(event, ev.Retracted):
             self._check_retraction(event)
             self.is_index_sure, self.has_retraction = False, True
             self._own_index()
             self._retracted |= self.index.take_back(event.first_event, event.last_event)
-        elif isinstance(event, UnknownEvent):
+        elif isinstance(event, ev.UnknownEvent):
             expected = "an event of a kind that this version knows"
-            raise InvalidEventError("event", expected, type(event).__name__)
+            raise errors.InvalidEventError("event", expected, type(event).__name__)
         self.keeps_names &= not isinstance(event, NAMING)
         if self._changes_index(event):
             self._own_index()
             self.index.apply(event, self._next_event)
-            if isinstance(event, DoorAdded) and event.happened_ns is not None and self._now_ns:
+            if isinstance(event, ev.DoorAdded) and event.happened_ns is not None and self._now_ns:
                 # One that is dated in the future counts from when it is recorded.
                 self.index.added_ns[event.door_id] = min(event.happened_ns, self._now_ns())
-            if event.happened_ns is None and isinstance(event, (DoorAdded, DoorRemoved)):
+            if event.happened_ns is None and isinstance(event, (ev.DoorAdded, ev.DoorRemoved)):
                 self._timeless.append(event)
             if event.happened_ns is not None and isinstance(event, MAY_BE_OUTDONE):
                 self.is_index_sure = False
         self._next_event += 1
         return event
 
-    def with_level(self, event: Event) -> Event:
+    def with_level(self, event: ev.Event) -> ev.Event:
         """Return the event with the level that it did not state: see `levels`.
 
         Raises:
             UnknownLevelError: There are several.
         """
-        if not isinstance(event, ON_A_LEVEL) or is_given(event.level):
+        if not isinstance(event, door_index.ON_A_LEVEL) or is_given(event.level):
             return event
-        if not isinstance(event, DoorUpdated):
+        if not isinstance(event, ev.DoorUpdated):
             return replace(event, level=self.index.level_meant(event.level))
         if Changed.POSE not in event.changed:
             return event  # its level means nothing
@@ -247,7 +218,7 @@ class Validator:
     def settle(self, commit: Commit) -> None:
         """Give the doors that came and went without a time the one of their commit."""
         for event in self._timeless:
-            if isinstance(event, DoorAdded):
+            if isinstance(event, ev.DoorAdded):
                 self.index.added_ns[event.door_id] = commit.wall_clock_ns
             else:
                 self.index.removed_ns[event.door_id] = commit.wall_clock_ns
@@ -278,91 +249,97 @@ class Validator:
         if not self._is_own:
             self.index, self._is_own = self.index.copy(), True
 
-    def _changes_index(self, event: Event) -> bool:
-        if isinstance(event, DoorUpdated):
+    def _changes_index(self, event: ev.Event) -> bool:
+        if isinstance(event, ev.DoorUpdated):
             known = self.index.level_of.get(event.door_id, event.level)
             goes = Changed.POSE in event.changed and event.level != known
             places = bool(self._moves(event)) and not self.index.placed.get(event.door_id, True)
             return goes or places
-        if isinstance(event, Retracted):
+        if isinstance(event, ev.Retracted):
             return self.index.brought_back(event) is not None
-        return isinstance(event, (DoorAdded, DoorRemoved, LevelAdded, FloorMap, ClassDefined))
+        return isinstance(
+            event, (ev.DoorAdded, ev.DoorRemoved, ev.LevelAdded, ev.FloorMap, ev.ClassDefined)
+        )
 
-    def _check_new(self, event: DoorAdded) -> None:
+    def _check_new(self, event: ev.DoorAdded) -> None:
         door_id = event.door_id
         if door_id in self.index.placed:
-            raise DoorExistsError(f"door {door_id} is in the map already; choose another id.")
+            raise errors.DoorExistsError(
+                f"door {door_id} is in the map already; choose another id."
+            )
         if door_id in self._retracted:
             self._check_correction(event, self._retracted[door_id])
         elif door_id in self.index.used_ids:
-            raise DoorRemovedError(
+            raise errors.DoorRemovedError(
                 f"{self.index.told(door_id)} was removed, and an id is never used twice; "
                 f"the next free id is {self.index.next_free_id}.{self.index.way_back(door_id)}"
             )
         self._check_level(event.level)
 
-    def _check_correction(self, event: DoorAdded, before_ns: int) -> None:
+    def _check_correction(self, event: ev.DoorAdded, before_ns: int) -> None:
         """Check that an adding replaces one that the same commit retracts."""
         if event.happened_ns is None or event.happened_ns > before_ns:
-            raise DoorRemovedError(
+            raise errors.DoorRemovedError(
                 f"door {event.door_id}: its addition is retracted. It may be added again only in "
                 "the same commit, with its id and an earlier time; a later door needs a new id."
             )
 
-    def _check_known(self, event: DoorEvent) -> None:
+    def _check_known(self, event: ev.DoorEvent) -> None:
         door_id = event.door_id
         if door_id in self.index.placed:
             return
-        if isinstance(event, SightingsThinned) and door_id in self.index.used_ids:
+        if isinstance(event, ev.SightingsThinned) and door_id in self.index.used_ids:
             return  # of sightings that the log holds
         removed_ns = self.index.removed_ns.get(door_id)
         if removed_ns is None:
-            raise UnknownDoorError(absence_message(door_id))
+            raise errors.UnknownDoorError(door_index.absence_message(door_id))
         is_late = event.happened_ns is None or event.happened_ns > removed_ns
         if is_late and not self._are_facts:
-            raise DoorRemovedError(
+            raise errors.DoorRemovedError(
                 f"{self.index.told(door_id)} was removed; only what happened before that can be "
                 f"added to it.{self.index.way_back(door_id)}"
             )
 
-    def _check_update(self, event: DoorUpdated) -> None:
+    def _check_update(self, event: ev.DoorUpdated) -> None:
         moves = self._moves(event)
         if moves & Changed.POSE:
             self._check_level(event.level)
         if moves and moves != PLACING and not self.index.placed.get(event.door_id, True):
-            raise CommandError(
+            raise errors.CommandError(
                 f"door {event.door_id} has no place yet; to place it, give pose and width together."
             )
 
     @staticmethod
-    def _moves(event: DoorUpdated) -> Changed:
+    def _moves(event: ev.DoorUpdated) -> Changed:
         return event.changed & PLACING
 
-    def _check_removal(self, event: DoorRemoved) -> None:
+    def _check_removal(self, event: ev.DoorRemoved) -> None:
         if event.door_id not in self.index.placed:
             told, way_back = self.index.told(event.door_id), self.index.way_back(event.door_id)
-            raise DoorRemovedError(f"{told} was removed already.{way_back}")
+            raise errors.DoorRemovedError(f"{told} was removed already.{way_back}")
         added_ns = self.index.added_ns.get(event.door_id, 0)
         if event.happened_ns is not None and event.happened_ns < added_ns:
-            raise CommandError(f"door {event.door_id} cannot be removed before it was added.")
+            raise errors.CommandError(
+                f"door {event.door_id} cannot be removed before it was added."
+            )
         if event.happened_ns is None and self._now_ns and self._now_ns() < added_ns < MAX_TIME_NS:
-            raise CommandError(
+            raise errors.CommandError(
                 f"door {event.door_id} cannot be removed before it was added: the clock has gone "
                 "back since then; set it right, or say when it was removed."
             )
 
-    def _check_retraction(self, event: Retracted) -> None:
+    def _check_retraction(self, event: ev.Retracted) -> None:
         first, last, own = event.first_event, event.last_event, range(self._first, self._next_event)
         if self._past is not None:
             self._past.check_retraction(first, last, own=own, are_facts=self._are_facts)
         elif last >= own.stop:
-            raise CommandError(
+            raise errors.CommandError(
                 f"cannot retract events {first}..{last}: the last event is {own.stop - 1}."
             )
 
     def _check_level(self, level: int) -> None:
         if level != 0 and level not in self.index.level_names:
-            raise UnknownLevelError(
+            raise errors.UnknownLevelError(
                 f"no level {level}; there are: {told(self.index.levels) or '0'}."
             )
 
@@ -375,12 +352,19 @@ def _latest(added_ns: Mapping[int, int], door_ids: Iterable[int]) -> int:
 ROWS_AT_A_TIME = 8192
 """So many rows of a batch are checked at once."""
 
-_SIGHTINGS = frozenset(SIGHTINGS)
+_SIGHTINGS = frozenset(door_index.SIGHTINGS)
 
-MAY_BE_OUTDONE = (DoorUpdated, LevelAdded, ClassDefined)
+MAY_BE_OUTDONE = (ev.DoorUpdated, ev.LevelAdded, ev.ClassDefined)
 """Kinds for which a later-happened event may have been appended earlier."""
 
-NAMING = (DoorAdded, DoorUpdated, DoorRemoved, DoorAnnotated, LevelAdded, Retracted)
+NAMING = (
+    ev.DoorAdded,
+    ev.DoorUpdated,
+    ev.DoorRemoved,
+    ev.DoorAnnotated,
+    ev.LevelAdded,
+    ev.Retracted,
+)
 """Kinds that may change which name means which door (an update: by its level)."""
 
 
@@ -398,7 +382,7 @@ class EarlyCounter:
         """The time of the first reading of the clock."""
         self.found = EarlyEvents.none()
 
-    def note(self, event: Event, added_ns: Mapping[int, int]) -> None:
+    def note(self, event: ev.Event, added_ns: Mapping[int, int]) -> None:
         """Count an event that passed if it had happened before its door was added.
 
         Args:
@@ -509,7 +493,7 @@ class KnownPast:
                 happened_from_ns=begin_ns,
                 happened_before_ns=run.first_ns + 1,
                 first_event=reader.horizon or None,
-                kinds=kinds_mask(STATE_KINDS),
+                kinds=kinds_mask(ev.STATE_KINDS),
             )
             hidden = reader.retractions()
             rows = state_rows(map(hidden.visible, reader.batches(window, doors=[run.door_id])))
@@ -531,16 +515,16 @@ class KnownPast:
     def _thinned(self) -> ThinnedRuns:
         reader, found = self._reader(), ThinnedRuns()
         hidden = reader.retractions()
-        kept = Window(kinds=kinds_mask([SightingsThinned]), first_event=reader.horizon or None)
+        kept = Window(kinds=kinds_mask([ev.SightingsThinned]), first_event=reader.horizon or None)
         for batch in reader.batches(kept):
             found.apply(hidden.visible(batch))
         return found
 
-    def _refusal(self, run: ThinnedRun, at_ns: int, state: int) -> CommandError:
+    def _refusal(self, run: ThinnedRun, at_ns: int, state: int) -> errors.CommandError:
         tz = self._reader().info.timezone
         at, start, last = (format_local(ns, tz) for ns in (at_ns, self._start_of(run), run.last_ns))
         was, said = DoorState(run.state).name, DoorState(state).name
-        return CommandError(
+        return errors.CommandError(
             f"door {run.door_id} cannot have been {said} at {at}: the sightings of it as {was} "
             f"from {start} to {last} were thinned (retain --thin), so how long it was {said} would "
             "not be known. Give a time outside of that span, or annotate the door."
@@ -564,13 +548,13 @@ def check_can_retract(
     """
     what = f"event {first}" if first == last else f"events {first}..{last}"
     if last < first:
-        raise CommandError(f"cannot retract {what}: the range runs backwards; swap the two.")
+        raise errors.CommandError(f"cannot retract {what}: the range runs backwards; swap the two.")
     end = own.stop - 1 if last in own else reader.last_event()
     if first < 0 or last > end:
         there = "the log holds none yet" if end < 0 else f"the log holds 0..{end}"
-        raise CommandError(f"cannot retract {what}: {there}.")
+        raise errors.CommandError(f"cannot retract {what}: {there}.")
     if first < (whole := reader.first_whole_event):
-        raise CommandError(
+        raise errors.CommandError(
             f"cannot retract {what}: what was before event {whole} is no longer kept in full "
             "(retain), so the state without it is unknown; record again what is true."
         )
@@ -581,7 +565,7 @@ def check_can_retract(
         return
     inside = [number for number in known.numbers if first <= number <= last]
     if inside:
-        raise CommandError(
+        raise errors.CommandError(
             f"cannot retract {what}: event {inside[0]} is itself a retraction, which cannot be "
             "taken back; record again what is true."
         )
@@ -591,7 +575,7 @@ def check_can_retract(
     ):
         return  # it is about the log itself: no range has hidden it
     by = known.first_hiding(first)
-    raise CommandError(f"cannot retract {what}: taken back already, by event {by}.")
+    raise errors.CommandError(f"cannot retract {what}: taken back already, by event {by}.")
 
 
 def newly_hidden(log: DoorLog, number: int) -> Iterator[HistoryEntry]:
@@ -601,7 +585,7 @@ def newly_hidden(log: DoorLog, number: int) -> Iterator[HistoryEntry]:
         LogError: There is no such event.
     """
     event = log.event(number).event
-    assert isinstance(event, Retracted)
+    assert isinstance(event, ev.Retracted)
     hidden = log.retractions(limit=number)
     finder = log.note_finder()
     earlier = hidden.up_to(number - 1)

@@ -19,23 +19,11 @@ from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.levels import NAME
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.late_answers import answer_of
+from semmap_log.core.model import events
 from semmap_log.core.model.doors import DoorId, DoorMap
-from semmap_log.core.model.events import (
-    ADDING_KINDS,
-    DoorAdded,
-    DoorAnnotated,
-    Event,
-    is_whole_number,
-)
 from semmap_log.core.model.moments import INSTANTS, SECOND_NS, Moment, parse_moment
 from semmap_log.errors import MomentError, UnknownDoorError
-from semmap_log.log.door_log.door_index import (
-    ID_PREFIX,
-    ambiguous_removed,
-    removal_message,
-    removed_by_name,
-    resolve_door,
-)
+from semmap_log.log.door_log import door_index
 from semmap_log.log.replay.replay import Scope, replay
 from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.reader import LogReader
@@ -69,13 +57,13 @@ def door_in(
         state = replay(reader, scope)
         door_map = state.door_map()
     try:
-        return resolve_door(door, door_map)
+        return door_index.resolve_door(door, door_map)
     except UnknownDoorError:
         state = replay(reader, scope) if state is None else state
-        removed = removed_by_name(door, state)
+        removed = door_index.removed_by_name(door, state)
         if not removed:
             raise
-        raise UnknownDoorError(removal_message(removed, state)) from None
+        raise UnknownDoorError(door_index.removal_message(removed, state)) from None
 
 
 def door_or_removed(door: str | int, reader: LogReader) -> DoorId:
@@ -86,17 +74,17 @@ def door_or_removed(door: str | int, reader: LogReader) -> DoorId:
     """
     state = replay(reader, with_newer=True)
     try:
-        return resolve_door(door, state.door_map())
+        return door_index.resolve_door(door, state.door_map())
     except UnknownDoorError:
-        removed = removed_by_name(door, state)
+        removed = door_index.removed_by_name(door, state)
         if len(removed) > 1:
-            raise UnknownDoorError(ambiguous_removed(door, removed)) from None
+            raise UnknownDoorError(door_index.ambiguous_removed(door, removed)) from None
         if removed:
             return removed[0]
         for ever in (state, _with_retracted(reader)):
             names = ever.names()
             for door_id in map(DoorId, sorted(ever.used_door_ids)):
-                called = (str(door_id), f"{ID_PREFIX}{door_id}", names.get(door_id))
+                called = (str(door_id), f"{door_index.ID_PREFIX}{door_id}", names.get(door_id))
                 if str(door) in called and not state.is_present(door_id):
                     return door_id
         raise
@@ -114,7 +102,7 @@ def ids_or_removed(doors: Iterable[DoorId | str], reader: LogReader) -> list[Doo
     """
     return [
         DoorId(int(door))
-        if not isinstance(door, str) and is_whole_number(door)
+        if not isinstance(door, str) and events.is_whole_number(door)
         else door_or_removed(door, reader)
         for door in doors_listed(doors)
     ]
@@ -122,14 +110,14 @@ def ids_or_removed(doors: Iterable[DoorId | str], reader: LogReader) -> list[Doo
 
 def doors_listed(doors: Iterable[DoorId | str] | DoorId | str) -> Iterable[DoorId | str]:
     """Return doors as a list of them; one alone, too."""
-    one_alone = isinstance(doors, str) or is_whole_number(doors)
+    one_alone = isinstance(doors, str) or events.is_whole_number(doors)
     return cast("Iterable[DoorId | str]", [doors] if one_alone else doors)
 
 
 def _with_retracted(reader: LogReader) -> DoorMapState:
     """Return all doors and names that ever were, as if nothing had been retracted."""
     state = DoorMapState()
-    for batch in reader.batches(Window(kinds=kinds_mask([DoorAdded, DoorAnnotated]))):
+    for batch in reader.batches(Window(kinds=kinds_mask([events.DoorAdded, events.DoorAnnotated]))):
         state.apply(batch)
     return state
 
@@ -140,11 +128,13 @@ def all_door_names(reader: LogReader) -> dict[DoorId, set[str]]:
     A door that was neither added nor named, as in what was recovered of a log, is not among them.
     """
     found: dict[DoorId, set[str]] = {}
-    for batch in reader.batches(Window(kinds=kinds_mask([*ADDING_KINDS, DoorAnnotated]))):
+    for batch in reader.batches(
+        Window(kinds=kinds_mask([*events.ADDING_KINDS, events.DoorAnnotated]))
+    ):
         for door_id in distinct(batch.door_ids()[batch.about_doors()]).tolist():
             found.setdefault(DoorId(door_id), set())
-        for event in batch.objects.get(DoorAnnotated.kind, ()):
-            if isinstance(event, DoorAnnotated) and event.key == NAME and event.value:
+        for event in batch.objects.get(events.DoorAnnotated.kind, ()):
+            if isinstance(event, events.DoorAnnotated) and event.key == NAME and event.value:
                 found[event.door_id].add(event.value)
     return found
 
@@ -154,7 +144,7 @@ class EventChoice(TypedDict, total=False):
 
     recorded: bool
     doors: Collection[DoorId | str] | None
-    kinds: Collection[type[Event] | str] | None
+    kinds: Collection[type[events.Event] | str] | None
     retracted: bool
     columns: Collection[str] | None
     progress: Progress | None
@@ -180,7 +170,7 @@ class LogTables(ABC):
         until: Time = None,
         *,
         recorded: bool = False,
-        kinds: Collection[type[Event] | str] | None = None,
+        kinds: Collection[type[events.Event] | str] | None = None,
     ) -> Window:
         """Return the bounds that these moments mean."""
 
@@ -244,7 +234,7 @@ class LogTables(ABC):
         *,
         recorded: bool = False,
         doors: Collection[DoorId | str] | None = None,
-        kinds: Collection[type[Event] | str] | None = None,
+        kinds: Collection[type[events.Event] | str] | None = None,
         retracted: bool = False,
         columns: Collection[str] | None = None,
         progress: Progress | None = None,
@@ -473,7 +463,7 @@ def moment_of(
         time = int(time.astype("datetime64[ns]").astype(np.int64))
     if isinstance(time, str):
         return parse_moment(time, tz=tz, end_ns=end_ns, last_ns=last_ns)
-    if not is_whole_number(time):
+    if not events.is_whole_number(time):
         raise MomentError(
             f"expected a time as whole nanoseconds since 1970, a text such as {INSTANTS}, or a "
             f"datetime; got {time!r}."

@@ -8,14 +8,7 @@ from typing import Generic, TypeVar
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.projection import Projection
 from semmap_log.core.io.progress import Progress
-from semmap_log.log.replay.state import (
-    NO_EVENT,
-    Checkpoint,
-    Position,
-    events_after,
-    hiding,
-    retractions_after,
-)
+from semmap_log.log.replay import state
 from semmap_log.store.reading.reader import LogReader
 
 S = TypeVar("S")
@@ -27,8 +20,8 @@ class RunningFold(Generic[S]):
     def __init__(
         self,
         projection: Projection[S],
-        saved: tuple[Position, S] | None = None,
-        checkpoint: Checkpoint[S] | None = None,
+        saved: tuple[state.Position, S] | None = None,
+        checkpoint: state.Checkpoint[S] | None = None,
         *,
         save_every_s: float,
     ) -> None:
@@ -40,7 +33,7 @@ class RunningFold(Generic[S]):
             checkpoint: Keeps the state; None: nothing does.
             save_every_s: How often it is written at most, before the end.
         """
-        self.position, self.state = saved or (Position(), projection.initial())
+        self.position, self.state = saved or (state.Position(), projection.initial())
         self._projection = projection
         self._checkpoint = checkpoint
         self._save_every_s = save_every_s
@@ -49,8 +42,8 @@ class RunningFold(Generic[S]):
         self._event = self.position.event
         self._latest_ns = self.position.latest_ns
         self._retractions = self.position.retractions
-        self._hidden = hiding(self._retractions)
-        self._commit_ends = NO_EVENT
+        self._hidden = state.hiding(self._retractions)
+        self._commit_ends = state.NO_EVENT
         """No commit ends between the last event taken in and this one."""
         self._is_at_position = True
         """False while the state is ahead of the position, or in the projection's hands."""
@@ -74,7 +67,7 @@ class RunningFold(Generic[S]):
             at_ns: Only what had happened by then; then, too, nothing is saved.
             progress: Called with the progress of the reading.
         """
-        later = retractions_after(reader, self.position.event, limit)
+        later = state.retractions_after(reader, self.position.event, limit)
         so_far = self.position
         must_restart = (
             so_far.is_touched_by(later)
@@ -83,10 +76,10 @@ class RunningFold(Generic[S]):
         )
         if must_restart:
             self._reset()
-            later = retractions_after(reader, NO_EVENT, limit)
+            later = state.retractions_after(reader, state.NO_EVENT, limit)
         self._retractions = (*self._retractions, *later)
-        self._hidden = hiding(self._retractions)
-        for batch in events_after(reader, self._event, limit, at_ns=at_ns, progress=progress):
+        self._hidden = state.hiding(self._retractions)
+        for batch in state.events_after(reader, self._event, limit, at_ns=at_ns, progress=progress):
             is_kept = int(batch.number[-1]) >= reader.horizon
             can_save = at_ns is None and is_kept and self._is_due()
             rest = self._save_on_the_way(reader, batch) if can_save else batch
@@ -117,8 +110,8 @@ class RunningFold(Generic[S]):
         self._saved_at_s = time.monotonic()
 
     def _reset(self) -> None:
-        self.position, self.state = Position(), self._projection.initial()
-        self._event, self._latest_ns, self._retractions = NO_EVENT, 0, ()
+        self.position, self.state = state.Position(), self._projection.initial()
+        self._event, self._latest_ns, self._retractions = state.NO_EVENT, 0, ()
 
     def _apply(self, batch: EventBatch, at_ns: int | None = None) -> None:
         """Take in the next events, but for those that are hidden, or happened too late."""
@@ -136,7 +129,7 @@ class RunningFold(Generic[S]):
     def _settle(self, event: int, commit_hash: bytes) -> None:
         """Note that the state is that of the end of a commit."""
         so_far = tuple(one for one in self._retractions if one.number <= event)
-        self.position = Position(event, commit_hash, self._latest_ns, so_far)
+        self.position = state.Position(event, commit_hash, self._latest_ns, so_far)
         self._is_at_position = True
 
     def _is_due(self) -> bool:

@@ -42,6 +42,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from semmap_log import errors
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent, Retractions
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.projection import Dumping, Projection, name_of, version_of
@@ -55,26 +56,10 @@ from semmap_log.core.io.disk import (
 )
 from semmap_log.core.io.inflating import inflated
 from semmap_log.core.io.progress import Progress
+from semmap_log.core.model import events as ev
 from semmap_log.core.model.doors import DoorState
-from semmap_log.core.model.events import (
-    Changed,
-    DoorAdded,
-    DoorUpdated,
-    Event,
-    HistoryTrimmed,
-    MomentPinned,
-    Retracted,
-    event_of,
-)
 from semmap_log.core.model.meaning import PARTS, REGISTER_OF
 from semmap_log.core.texts import counted
-from semmap_log.errors import (
-    CheckpointError,
-    CheckpointWarning,
-    HorizonError,
-    KeyframeWarning,
-    OutputError,
-)
 from semmap_log.log.replay import keyframes
 from semmap_log.log.replay.plain_state import dump_plain, load_plain
 from semmap_log.store.header import TrimReason
@@ -86,13 +71,13 @@ from semmap_log.store.reading.window import Window
 from semmap_log.store.record_scan import most_unpacked
 
 
-def pins(reader: LogReader) -> dict[str, MomentPinned]:
+def pins(reader: LogReader) -> dict[str, ev.MomentPinned]:
     """Return the pins of a log by their names, as they were made, or got a state, last."""
     hidden = reader.retractions()
-    found: dict[str, MomentPinned] = {}
-    for batch in reader.batches(Window(kinds=kinds_mask([MomentPinned]))):
+    found: dict[str, ev.MomentPinned] = {}
+    for batch in reader.batches(Window(kinds=kinds_mask([ev.MomentPinned]))):
         for recorded in hidden.visible(batch):
-            assert isinstance(recorded.event, MomentPinned), "no other kind was asked for"
+            assert isinstance(recorded.event, ev.MomentPinned), "no other kind was asked for"
             found[recorded.event.name] = recorded.event
     return found
 
@@ -123,7 +108,7 @@ def pinned_state(
     return state
 
 
-def with_state(pin: MomentPinned, state: DoorMapState, next_event: int) -> MomentPinned:
+def with_state(pin: ev.MomentPinned, state: DoorMapState, next_event: int) -> ev.MomentPinned:
     """Return a pin with the state of its moment.
 
     Args:
@@ -132,7 +117,7 @@ def with_state(pin: MomentPinned, state: DoorMapState, next_event: int) -> Momen
         next_event: What comes from there on is not in it.
     """
     data = base64.b64encode(zlib.compress(keyframes.encode(state))).decode()
-    return MomentPinned(at_ns=pin.at_ns, next_event=next_event, name=pin.name, keyframe=data)
+    return ev.MomentPinned(at_ns=pin.at_ns, next_event=next_event, name=pin.name, keyframe=data)
 
 
 def unpacked(text: str) -> DoorMapState | None:
@@ -190,7 +175,7 @@ def _state_at_horizon(reader: LogReader) -> DoorMapState:
     place = reader.horizon_place()
     state = keyframe_at(reader.segments[place.segment], place.chunk)
     if state is None:
-        raise HorizonError(
+        raise errors.HorizonError(
             f"{reader.folder}: the state at its horizon, event {reader.horizon}, is not there or "
             "cannot be used; verify the log."
         )
@@ -203,7 +188,7 @@ def _without_first_states(
     """Yield events, those that add a door with UNKNOWN where its state was another later."""
     for one in left:
         event = one.event
-        if isinstance(event, DoorAdded):
+        if isinstance(event, ev.DoorAdded):
             stamp = state.stamp(event.door_id, "state")
             if stamp is None or stamp[1] != one.number:
                 event = replace(event, state=DoorState.UNKNOWN)
@@ -219,17 +204,17 @@ def _last_writes(state: DoorMapState, *, but: list[int]) -> Iterator[RecordedEve
         happened, numbers = arrays[f"{register}_happened_ns"], arrays[f"{register}_event"]
         for row in np.flatnonzero(~np.isin(numbers, [NEVER, *but])).tolist():
             key = (int(numbers[row]), int(happened[row]), int(arrays["door_id"][row]))
-            values = written.setdefault(key, {"changed": Changed(0)})
+            values = written.setdefault(key, {"changed": ev.Changed(0)})
             values["changed"] |= part
             values |= {name: arrays[name][row].item() for name in PARTS[part]}
     for (number, happened_ns, door_id), values in written.items():
         yield RecordedEvent(number, happened_ns, _update(door_id, values, happened_ns))
 
 
-def _update(door_id: int, values: dict[str, Any], happened_ns: int) -> Event:
+def _update(door_id: int, values: dict[str, Any], happened_ns: int) -> ev.Event:
     nothing = {"level": 0, "x": 0.0, "y": 0.0, "theta": 0.0, "width": 0.0, "state": 0,
                "prob_open": np.nan, "prob_closed": np.nan}  # fmt: skip
-    return event_of(DoorUpdated, nothing | values | {"door_id": door_id}, happened_ns)
+    return ev.event_of(ev.DoorUpdated, nothing | values | {"door_id": door_id}, happened_ns)
 
 
 def _batch(events: list[RecordedEvent]) -> EventBatch:
@@ -261,7 +246,7 @@ class Checkpoint(Generic[S]):
         """
         folder = path.absolute().parent
         if not folder.is_dir():
-            raise OutputError(f"{path}: there is no such folder; make it first.")
+            raise errors.OutputError(f"{path}: there is no such folder; make it first.")
         check_outside_log(reader.folder, path)
         self.path = path
         self._projection = projection
@@ -283,9 +268,11 @@ class Checkpoint(Generic[S]):
         except FileNotFoundError:
             return None
         except OSError as error:
-            raise CheckpointError(f"{self.path}: cannot be read: {error.strerror}.") from error
+            raise errors.CheckpointError(
+                f"{self.path}: cannot be read: {error.strerror}."
+            ) from error
         if not (data.startswith(MAGIC) or MAGIC.startswith(data)):
-            raise CheckpointError(
+            raise errors.CheckpointError(
                 f"{self.path}: expected a checkpoint, got another file; it is left as it is. "
                 "Choose another path."
             )
@@ -334,7 +321,7 @@ class Checkpoint(Generic[S]):
         """
         for key, what in (("log_id", "the log"), ("projection", "the projection")):
             if head[key] != self._of[key]:
-                raise CheckpointError(
+                raise errors.CheckpointError(
                     f"{self.path}: expected a checkpoint of {what} {self._of[key]}, got one of "
                     f"{head[key]}; choose another path."
                 )
@@ -347,7 +334,7 @@ class Checkpoint(Generic[S]):
     def _refuse(self, why: str) -> None:
         warnings.warn(
             f"{self.path}: the checkpoint is not used: {why}. The fold begins at the log's start.",
-            CheckpointWarning,
+            errors.CheckpointWarning,
             stacklevel=2,
         )
 
@@ -461,7 +448,7 @@ class _Search:
         found = self._nearest(unused)
         if unused:
             others = f"; nor {counted(len(unused) - 1, 'other')}" if len(unused) > 1 else ""
-            warnings.warn(KeyframeWarning(unused[0] + others), stacklevel=3)
+            warnings.warn(errors.KeyframeWarning(unused[0] + others), stacklevel=3)
         return found
 
     def _nearest(self, unused: list[str]) -> tuple[DoorMapState, ChunkPlace]:
@@ -583,11 +570,11 @@ class Position:
         own = f"{reader.info.log_id}:"
         told = (
             one.event
-            for batch in reader.batches(_beyond(self.event, None, kinds_mask([HistoryTrimmed])))
+            for batch in reader.batches(_beyond(self.event, None, kinds_mask([ev.HistoryTrimmed])))
             for one in batch
         )
         return any(
-            isinstance(event, HistoryTrimmed)
+            isinstance(event, ev.HistoryTrimmed)
             and event.tombstones.startswith(own)
             and _REDACTED in event.reasons.split(", ")
             for event in told
@@ -624,7 +611,7 @@ def retractions_after(
     """
     reader.check_known(limit)
     found = Retractions()
-    for batch in reader.batches(_beyond(event, limit, kinds_mask([Retracted]))):
+    for batch in reader.batches(_beyond(event, limit, kinds_mask([ev.Retracted]))):
         found.apply(batch)
     pairs = zip(found.numbers, found.ranges, strict=True)
     return tuple(Retraction(number, *hidden) for number, hidden in pairs)

@@ -18,23 +18,9 @@ from semmap_log.core.io.virtual_logs import check_not_virtual
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import NotALogError, OutputError, PassphraseError, SigningError
 from semmap_log.log.replay.maintenance import verify
+from semmap_log.log.signing import signature_folder, statement
 from semmap_log.log.signing.ed25519_sdk import SigningKey
-from semmap_log.log.signing.signature_folder import (
-    Revocation,
-    name_of_revocation,
-    signed_in,
-    write_signed,
-)
 from semmap_log.log.signing.signer_state import Reach, Signer, SignerState
-from semmap_log.log.signing.statement import (
-    HEADS,
-    NO_DIGEST,
-    NONE,
-    REVOKING,
-    TRIMMING,
-    PublicKey,
-    Statement,
-)
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.verification.findings import CommitEnd, Severity, Verification
 
@@ -63,7 +49,7 @@ def sign(
     *,
     adopt: bool = False,
     trimmed: bool = False,
-    next_key: PublicKey | None = None,
+    next_key: statement.PublicKey | None = None,
     progress: Progress | None = None,
 ) -> Signed:
     """Sign what is closed of a log and not signed by this key yet; nothing else of it changes.
@@ -90,7 +76,7 @@ def sign(
     with SignerState.held(key) as state:
         found = read_for_signing(log, state, progress)
         signing = LogSigning(log, found, Signer(log, found.log_id, key, state))
-        successor = NONE if next_key is None else next_key.words
+        successor = statement.NONE if next_key is None else next_key.words
         return signing.run(adopt=adopt, trimmed=trimmed, next_key=successor)
 
 
@@ -115,7 +101,7 @@ def check_before_trimming(log: Path, key: SigningKey, progress: Progress | None 
             )
 
 
-def revoke(log: Path, owner: SigningKey, revoked: PublicKey, *, first: int) -> Path:
+def revoke(log: Path, owner: SigningKey, revoked: statement.PublicKey, *, first: int) -> Path:
     """Revoke a key for a log, from the statement of a number on; return the revocation's file.
 
     The statements before that number which lie in the log's folder are taken for its own: compare
@@ -138,18 +124,22 @@ def revoke(log: Path, owner: SigningKey, revoked: PublicKey, *, first: int) -> P
         raise SigningError(f"{log}: expected an owner's key to revoke {revoked}, got that one.")
     log_id = LogReader(log).info.log_id
     own = [
-        (one.statement.number, one.digest) for one in signed_in(log, log_id)
-        if one.public_bytes == revoked.public_bytes and isinstance(one.statement, Statement)
-    ]  # fmt: skip
+        (one.statement.number, one.digest)
+        for one in signature_folder.signed_in(log, log_id)
+        if one.public_bytes == revoked.public_bytes
+        and isinstance(one.statement, statement.Statement)
+    ]
     before = [one for one in own if one[0] < first]
     if first and not before:
         raise SigningError(
             f"{log}: expected a statement of {revoked} with a number below {first}, got none; put "
             "copies back into LOG/signatures, or revoke all that it has signed (--from 0)."
         )
-    last = max(before)[1] if before else NO_DIGEST
-    said = Revocation(log_id, revoked.words, first, last)
-    return write_signed(log, name_of_revocation(said), said.text, owner, REVOKING)
+    last = max(before)[1] if before else statement.NO_DIGEST
+    said = signature_folder.Revocation(log_id, revoked.words, first, last)
+    return signature_folder.write_signed(
+        log, signature_folder.name_of_revocation(said), said.text, owner, statement.REVOKING
+    )
 
 
 def read_for_signing(
@@ -167,7 +157,7 @@ def read_for_signing(
         SigningError: It is damaged.
         LogError: It cannot be read, or is no log.
     """
-    ends = state.ends | {one.statement.next_event for one in signed_in(log)}
+    ends = state.ends | {one.statement.next_event for one in signature_folder.signed_in(log)}
     found = verify(log, None, progress, ends=ends if at is None else ends | {at})
     for one in found.findings:
         if one.severity is Severity.NOT_A_LOG:
@@ -177,7 +167,7 @@ def read_for_signing(
     return found
 
 
-def reach_at(found: Verification, next_event: int, base: Statement | None) -> Reach:
+def reach_at(found: Verification, next_event: int, base: statement.Statement | None) -> Reach:
     """Return what a log holds up to an event.
 
     Args:
@@ -208,9 +198,9 @@ class LogSigning:
         base = signer.base
         self._signed = 0 if base is None else base.next_event
         """Events below this number were signed before."""
-        self._last = base if isinstance(base, Statement) else None
+        self._last = base if isinstance(base, statement.Statement) else None
 
-    def run(self, *, adopt: bool, trimmed: bool, next_key: str = NONE) -> Signed:
+    def run(self, *, adopt: bool, trimmed: bool, next_key: str = statement.NONE) -> Signed:
         """Sign what is closed and new; as `sign` says."""
         found, signer = self._found, self._signer
         done = Signed(is_live=len(found.segment_ends) < found.segments)
@@ -227,16 +217,16 @@ class LogSigning:
         ends = sorted({end for end in found.segment_ends if end > self._signed})
         if ends and (start < ends[-1] or is_officer):
             ends = ends[-1:]  # one that says what was adopted, or taken out
-        is_due = is_officer or start < found.closed_before or next_key != NONE
+        is_due = is_officer or start < found.closed_before or next_key != statement.NONE
         if not ends and found.closed_before and is_due:
             ends = [found.closed_before]
         for end in ends:
             done.adopted = (start, end - 1) if start < end else None
-            namespace = TRIMMING if is_officer else HEADS
+            namespace = statement.TRIMMING if is_officer else statement.HEADS
             done.made.append(
                 signer.put(
                     self._reach(end), adopted=done.adopted, namespace=namespace,
-                    next_key=next_key if end == ends[-1] else NONE,
+                    next_key=next_key if end == ends[-1] else statement.NONE,
                 )
             )  # fmt: skip
         done.next_event = ends[-1] if ends else self._signed
@@ -286,12 +276,12 @@ class LogSigning:
         if not found.taken_before or found.first_event:
             return False
         return not any(
-            one.namespace == TRIMMING
-            and isinstance(one.statement, Statement)
+            one.namespace == statement.TRIMMING
+            and isinstance(one.statement, statement.Statement)
             and one.statement.next_event >= found.taken_before
             and (end := found.ends.get(one.statement.next_event)) is not None
             and end.taken.hex() == one.statement.taken
-            for one in signed_in(self._log, found.log_id)
+            for one in signature_folder.signed_in(self._log, found.log_id)
         )
 
     def refused(self, why: str, *, adopt: bool = False) -> SigningError:
@@ -386,7 +376,7 @@ def make_key(path: Path, *, log: Path, comment: str = "") -> SigningKey:
     key = SigningKey.drawn()
     _write_new(path, key.to_openssh(), _PRIVATE_MODE)
     try:
-        line = PublicKey(key.public_bytes, comment).line
+        line = statement.PublicKey(key.public_bytes, comment).line
         _write_new(public, line.encode(), _PUBLIC_MODE)
         sync_folder(path.absolute().parent)
     except BaseException:

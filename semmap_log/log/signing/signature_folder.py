@@ -40,13 +40,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from semmap_log.core.io.disk import (
-    left_by_killed,
-    output_errors,
-    read_own,
-    replace_file,
-    sync_folder,
-)
+from semmap_log.core.io import disk
 from semmap_log.errors import SigningError
 from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.statement import (
@@ -121,7 +115,7 @@ def time_of(one: SignedStatement) -> str | None:
         ValueError: What is there is no time stamp of it, or cannot be read.
     """
     try:
-        answer = read_own(token_file(one.path), MOST_BYTES)
+        answer = disk.read_own(token_file(one.path), MOST_BYTES)
     except FileNotFoundError:
         return None
     except OSError as error:
@@ -152,10 +146,10 @@ def _stamp(one: SignedStatement, url: str) -> Stamped:
             "the same command."
         ) from None
     file = token_file(one.path)
-    with output_errors(file):
+    with disk.output_errors(file):
         if not one.path.exists():
             raise SigningError(f"{one.path}: a recorder replaced it meanwhile; try again.")
-        replace_file(file, answer)
+        disk.replace_file(file, answer)
     return Stamped(one.path, time)
 
 
@@ -322,11 +316,11 @@ def write_signed(log: Path, name: str, text: str, key: SigningKey, namespace: st
     """
     folder = folder_of(log)
     path, data = folder / name, text.encode()
-    with output_errors(path):
+    with disk.output_errors(path):
         if not folder.is_dir():
             folder.mkdir(exist_ok=True)
-            sync_folder(log)
-        if path.exists() and read_own(path) != data:
+            disk.sync_folder(log)
+        if path.exists() and disk.read_own(path) != data:
             raise SigningError(f"{path}: expected this key's statement, got another text.")
         _write(path.with_name(name + SIGNATURE), signature_of(data, key, namespace).encode())
         _write(path, data)
@@ -360,10 +354,10 @@ def folder_of(log: Path) -> Path:
 
 
 def _write(file: Path, data: bytes) -> None:
-    for leftover in left_by_killed(file):
+    for leftover in disk.left_by_killed(file):
         with suppress(OSError):
             leftover.unlink()
-    replace_file(file, data)
+    disk.replace_file(file, data)
 
 
 def _is_statement(file: Path) -> bool:
@@ -375,7 +369,7 @@ def _signature_in(file: Path) -> SshSignature:
 
 
 def _bytes_in(file: Path) -> bytes:
-    return read_own(file, _MOST_BYTES)
+    return disk.read_own(file, _MOST_BYTES)
 
 
 def _reason(error: OSError | ValueError) -> str:

@@ -16,16 +16,7 @@ from pathlib import Path, PurePath
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.texts import command_line, counted
 from semmap_log.log.replay.maintenance import verify
-from semmap_log.log.signing.signature_folder import (
-    FOLDER,
-    BadSignature,
-    SignedRevocation,
-    SignedStatement,
-    read_all,
-    statement_files,
-    time_of,
-    token_file,
-)
+from semmap_log.log.signing import signature_folder
 from semmap_log.log.signing.statement import (
     NO_DIGEST,
     NONE,
@@ -87,7 +78,7 @@ def verify_signed(
     """
     for attempt in range(_ATTEMPTS):
         files = _files(log, elsewhere)
-        read = list(read_all(files))
+        read = list(signature_folder.read_all(files))
         found = verify(log, head, progress, ends=_ends_of(read))
         checked = _Check(log, found, keys, allow_unsigned_end=allow_unsigned_end).run(read)
         is_behind = checked.found.exit_code or checked.signed_before < found.next_event
@@ -97,14 +88,16 @@ def verify_signed(
 
 
 def _files(log: PurePath, elsewhere: Sequence[Path]) -> list[Path]:
-    own = log / FOLDER
+    own = log / signature_folder.FOLDER
     places = [own] if isinstance(own, Path) and own.is_dir() else []
-    return [file for place in (*places, *elsewhere) for file in statement_files(place)]
+    return [
+        file for place in (*places, *elsewhere) for file in signature_folder.statement_files(place)
+    ]
 
 
 def _ends_of(read: Read) -> set[int]:
     """Return the numbers before which statements say that a commit ends."""
-    said = [one.statement for one in read if isinstance(one, SignedStatement)]
+    said = [one.statement for one in read if isinstance(one, signature_folder.SignedStatement)]
     starts = {one.first_event for one in said if isinstance(one, OldStatement)}
     return starts | {one.next_event for one in said}
 
@@ -125,11 +118,11 @@ class _Check:
         self._keys = dict(keys)
         self._allow_unsigned_end = allow_unsigned_end
         self._findings: list[Finding] = []
-        self._good: list[SignedStatement] = []
+        self._good: list[signature_folder.SignedStatement] = []
 
     def run(self, read: Read) -> SignedVerification:
         """Return what follows."""
-        statements = sum(not isinstance(one, SignedRevocation) for one in read)
+        statements = sum(not isinstance(one, signature_folder.SignedRevocation) for one in read)
         if self._found.of(Severity.NOT_A_LOG):
             return SignedVerification(self._found, statements, 0, 0, ())
         trust = Trust(self._found.log_id, self._keys, read)
@@ -153,18 +146,18 @@ class _Check:
         good = len(self._good)
         return SignedVerification(found, statements, good, signed, tuple(by.values()), times)
 
-    def _time_of(self, one: SignedStatement) -> str | None:
+    def _time_of(self, one: signature_folder.SignedStatement) -> str | None:
         """Return the time of a statement's time stamp, if it has one."""
         try:
-            return time_of(one)
+            return signature_folder.time_of(one)
         except ValueError as error:
-            self._wrong("timestamp", token_file(one.path), str(error))
+            self._wrong("timestamp", signature_folder.token_file(one.path), str(error))
             return None
 
-    def _find_forks(self, believed: Sequence[SignedStatement]) -> None:
+    def _find_forks(self, believed: Sequence[signature_folder.SignedStatement]) -> None:
         """Find contradictions of one key: about one event, or under one number."""
-        heads: dict[tuple[bytes, int], SignedStatement] = {}
-        numbers: dict[tuple[bytes, int], SignedStatement] = {}
+        heads: dict[tuple[bytes, int], signature_folder.SignedStatement] = {}
+        numbers: dict[tuple[bytes, int], signature_folder.SignedStatement] = {}
         for one in believed:
             said, whose = one.statement, self._keys[one.public_bytes]
             other = heads.setdefault((one.public_bytes, said.next_event), one)
@@ -181,7 +174,7 @@ class _Check:
                     "copies of it, or of the key, were used, each in its own way",
                 )  # fmt: skip
 
-    def _find_missing(self, believed: Sequence[SignedStatement]) -> None:
+    def _find_missing(self, believed: Sequence[signature_folder.SignedStatement]) -> None:
         """Find statements whose predecessor, by the same key, is not there."""
         known = {(one.public_bytes, one.digest) for one in believed}
         for one in believed:
@@ -192,7 +185,7 @@ class _Check:
                 text = "the statement that its key signed before this one is missing, or not good"
                 self._wrong("statement", one.path, text)
 
-    def _is_held(self, one: SignedStatement) -> bool:
+    def _is_held(self, one: signature_folder.SignedStatement) -> bool:
         """Return whether the log contains what a statement says."""
         said, found = one.statement, self._found
         last = said.next_event - 1
@@ -226,7 +219,7 @@ class _Check:
             return False
         return self._agrees(one)
 
-    def _agrees(self, one: SignedStatement) -> bool:
+    def _agrees(self, one: signature_folder.SignedStatement) -> bool:
         """Return whether everything that a statement says besides the head is true, too."""
         said, found = one.statement, self._found
         end = found.ends[said.next_event]
@@ -275,7 +268,7 @@ class _Check:
             f"removals; an officer can sign them: {line}",
         )  # fmt: skip
 
-    def _taken_at(self, one: SignedStatement) -> str:
+    def _taken_at(self, one: signature_folder.SignedStatement) -> str:
         return self._found.ends[one.statement.next_event].taken.hex()
 
     def _find_adopted(self) -> None:
@@ -296,7 +289,9 @@ class _Check:
             self._findings.append(finding)
 
     @staticmethod
-    def _confirms(other: SignedStatement, one: SignedStatement) -> bool:
+    def _confirms(
+        other: signature_folder.SignedStatement, one: signature_folder.SignedStatement
+    ) -> bool:
         """Return whether a statement vouches for what another one has adopted."""
         said, adopted = other.statement, one.statement
         if other.public_bytes == one.public_bytes or isinstance(said, OldStatement):
@@ -340,7 +335,7 @@ class _Check:
         self._findings.append(_finding(kind, Severity.NOT_AS_SIGNED, path, text, events))
 
 
-def _order(one: SignedStatement) -> tuple[int, int]:
+def _order(one: signature_folder.SignedStatement) -> tuple[int, int]:
     said = one.statement
     return said.next_event, said.number if isinstance(said, Statement) else -1
 
@@ -355,7 +350,11 @@ def _finding(
     return Finding(kind, severity, path, None, events, text)
 
 
-Read = Sequence[SignedStatement | SignedRevocation | BadSignature]
+Read = Sequence[
+    signature_folder.SignedStatement
+    | signature_folder.SignedRevocation
+    | signature_folder.BadSignature
+]
 """What lies in folders of signatures."""
 
 
@@ -373,7 +372,7 @@ class Distrust:
 class _Revoked:
     """From where on a key is revoked."""
 
-    by: SignedRevocation
+    by: signature_folder.SignedRevocation
     last: Statement | None
     """The last statement that counts; None: none does."""
 
@@ -399,7 +398,7 @@ class Trust:
         self._revoked: dict[bytes, _Revoked] = {}
         self._wrong: list[Distrust] = []
         for one in read:
-            if isinstance(one, SignedRevocation):
+            if isinstance(one, signature_folder.SignedRevocation):
                 self._revoke(one)
         self._believe_successors()
 
@@ -407,17 +406,17 @@ class Trust:
         """Yield what does not count, each with its reason."""
         yield from self._wrong
         for one in self._read:
-            if isinstance(one, BadSignature):
+            if isinstance(one, signature_folder.BadSignature):
                 yield Distrust(one.kind, one.path, one.problem)
-            elif isinstance(one, SignedStatement) and (why := self._why_not(one)):
+            elif isinstance(one, signature_folder.SignedStatement) and (why := self._why_not(one)):
                 yield why
 
-    def believed(self) -> list[SignedStatement]:
+    def believed(self) -> list[signature_folder.SignedStatement]:
         """Return the statements about this log by keys that are believed for them."""
-        signed = [one for one in self._read if isinstance(one, SignedStatement)]
+        signed = [one for one in self._read if isinstance(one, signature_folder.SignedStatement)]
         return [one for one in signed if not self._why_not(one)]
 
-    def _why_not(self, one: SignedStatement) -> Distrust | None:
+    def _why_not(self, one: signature_folder.SignedStatement) -> Distrust | None:
         if why := self._why_not_signer(one.path, one.public_bytes, one.namespace, self.keys):
             return why
         key, said = self.keys[one.public_bytes], one.statement
@@ -452,7 +451,7 @@ class Trust:
         text = f"about another log: expected the log id {self._log_id}, got {log_id}"
         return Distrust("statement", path, text)
 
-    def _revoke(self, one: SignedRevocation) -> None:
+    def _revoke(self, one: signature_folder.SignedRevocation) -> None:
         """Take up a revocation, if it is one by an owner; of several the lowest number counts."""
         said = one.revocation
         why = self._why_not_signer(one.path, one.public_bytes, REVOKING, self._given)
@@ -472,11 +471,14 @@ class Trust:
 
     def _statement_of(self, key: bytes, digest: str) -> Statement | None:
         for one in self._read:
-            if isinstance(one, SignedStatement) and (one.public_bytes, one.digest) == (key, digest):
+            if isinstance(one, signature_folder.SignedStatement) and (
+                one.public_bytes,
+                one.digest,
+            ) == (key, digest):
                 return one.statement if isinstance(one.statement, Statement) else None
         return None
 
-    def _why_revoked(self, one: SignedStatement) -> Distrust | None:
+    def _why_revoked(self, one: signature_folder.SignedStatement) -> Distrust | None:
         """Return why a statement of a revoked key does not count; None: it came before that."""
         revoked = self._revoked.get(one.public_bytes)
         if revoked is None:
@@ -500,10 +502,12 @@ class Trust:
         The first that a key has named is its successor.
         """
         naming = [
-            (one, one.statement) for one in self._read
-            if isinstance(one, SignedStatement) and isinstance(one.statement, Statement)
+            (one, one.statement)
+            for one in self._read
+            if isinstance(one, signature_folder.SignedStatement)
+            and isinstance(one.statement, Statement)
             and one.statement.next_key != NONE
-        ]  # fmt: skip
+        ]
         naming.sort(key=lambda pair: pair[1].number)
         is_new = True
         while is_new:

@@ -21,16 +21,8 @@ from typing import Any
 
 from semmap_log.core.io.disk import PLAIN, output_errors, read_own, replace_file
 from semmap_log.errors import OutputError, SigningError
+from semmap_log.log.signing import signature_folder
 from semmap_log.log.signing.ed25519_sdk import SigningKey
-from semmap_log.log.signing.signature_folder import (
-    SignedStatement,
-    folder_of,
-    is_stamped,
-    name_of,
-    remove_signed,
-    signed_in,
-    write_signed,
-)
 from semmap_log.log.signing.statement import (
     HEADS,
     NO_DIGEST,
@@ -60,7 +52,11 @@ class Signer:
         self._log = log
         self._key = key
         self._state = state
-        own = [one for one in signed_in(log, log_id) if one.public_bytes == key.public_bytes]
+        own = [
+            one
+            for one in signature_folder.signed_in(log, log_id)
+            if one.public_bytes == key.public_bytes
+        ]
         self._old = [one for one in own if isinstance(one.statement, OldStatement)]
         self._own = [one for one in own if isinstance(one.statement, Statement)]
 
@@ -93,9 +89,17 @@ class Signer:
     def mend(self) -> list[Path]:
         """Write the last statement that is to be kept, if a crash has prevented that."""
         last = self.last
-        if last is None or not last.is_kept or (folder_of(self._log) / last.file).exists():
+        if (
+            last is None
+            or not last.is_kept
+            or (signature_folder.folder_of(self._log) / last.file).exists()
+        ):
             return []
-        return [write_signed(self._log, last.file, last.text, self._key, last.namespace)]
+        return [
+            signature_folder.write_signed(
+                self._log, last.file, last.text, self._key, last.namespace
+            )
+        ]
 
     def put(
         self,
@@ -129,16 +133,16 @@ class Signer:
             self.log_id, number, reach.commits, reach.next_event, reach.head.hex(),
             reach.taken.hex(), adopted, self._before(last), next_key,
         )  # fmt: skip
-        name = name_of(statement, self._key, namespace)
+        name = signature_folder.name_of(statement, self._key, namespace)
         self._state.put(LastSigned(statement.text, namespace, name, keep))
-        path = write_signed(self._log, name, statement.text, self._key, namespace)
+        path = signature_folder.write_signed(self._log, name, statement.text, self._key, namespace)
         if last is not None and not self._stays(last):
-            remove_signed(self._log, last.file)
+            signature_folder.remove_signed(self._log, last.file)
         return path
 
     def _stays(self, last: LastSigned) -> bool:
         """Return whether the last statement is kept: it was made for that, or has a time stamp."""
-        return last.is_kept or is_stamped(self._log, last.file)
+        return last.is_kept or signature_folder.is_stamped(self._log, last.file)
 
     def _before(self, last: LastSigned | None) -> str:
         """Return the digest of the last statement that is kept."""
@@ -149,7 +153,7 @@ class Signer:
         return last.statement.before
 
 
-def _order(one: SignedStatement) -> tuple[int, int]:
+def _order(one: signature_folder.SignedStatement) -> tuple[int, int]:
     said = one.statement
     return (said.number if isinstance(said, Statement) else -1), said.next_event
 

@@ -22,14 +22,7 @@ from numpy.typing import NDArray
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.registers import state_rows
 from semmap_log.core.folds.thinned_runs import HOUR_NS
-from semmap_log.core.model.events import (
-    STATE_KINDS,
-    DoorObserved,
-    Event,
-    Retracted,
-    RobotPose,
-    SightingsThinned,
-)
+from semmap_log.core.model import events
 from semmap_log.core.model.moments import format_second
 from semmap_log.log.replay import keyframes
 from semmap_log.store.header import TrimReason
@@ -41,7 +34,7 @@ from semmap_log.store.reading.window import Window
 
 EVENTS_AT_ONCE = 100_000
 """About so many are looked at together; all of one hour always are."""
-_GOING = kinds_mask([DoorObserved, RobotPose])
+_GOING = kinds_mask([events.DoorObserved, events.RobotPose])
 
 
 class Thinning:
@@ -73,7 +66,7 @@ class Thinning:
         until = format_second(self._until_ns)
         return f"repeated sightings and poses that were recorded before {until}"
 
-    def recorded_before(self) -> Iterator[Event | EventBatch]:
+    def recorded_before(self) -> Iterator[events.Event | EventBatch]:
         """Yield what the sightings that go were worth: what is believed of doors rests on it.
 
         Reports of a thinning that was stopped before the sightings went are retracted.
@@ -82,7 +75,7 @@ class Thinning:
             if self._concerns(segment):
                 yield from (_worth(some) for some in self._look_at(segment) if len(some))
         for number in self._stopped_reports():
-            yield Retracted(first_event=number, last_event=number)
+            yield events.Retracted(first_event=number, last_event=number)
 
     def select(self, segment: Segment) -> Thinning | None:
         """Return what goes of a segment; None: nothing that could be there."""
@@ -96,8 +89,10 @@ class Thinning:
     def gone(self, page: Page) -> NDArray[np.bool_]:
         """As `Selection` says."""
         numbers, channels = page.numbers(np.arange(len(page.heads))), page.heads["channel_id"]
-        found = np.asarray(channels == RobotPose.kind) & (numbers < self.before)
-        found[channels == DoorObserved.kind] = self._going(numbers[channels == DoorObserved.kind])
+        found = np.asarray(channels == events.RobotPose.kind) & (numbers < self.before)
+        found[channels == events.DoorObserved.kind] = self._going(
+            numbers[channels == events.DoorObserved.kind]
+        )
         return found
 
     def keyframe(self, data: bytes) -> bytes | None:
@@ -132,11 +127,13 @@ class Thinning:
     def _stopped_reports(self) -> Iterator[int]:
         """Yield the numbers of events that report sightings which still exist, and go now."""
         reader, hidden = self._reader, self._reader.retractions()
-        kept = Window(kinds=kinds_mask([SightingsThinned]), first_event=reader.horizon or None)
+        kept = Window(
+            kinds=kinds_mask([events.SightingsThinned]), first_event=reader.horizon or None
+        )
         for batch in reader.batches(kept):
             told = hidden.visible(batch)
             if len(told):
-                again = self._going(told[SightingsThinned]["first_event"].astype(np.int64))
+                again = self._going(told[events.SightingsThinned]["first_event"].astype(np.int64))
                 yield from told.number[again].tolist()
 
 
@@ -146,7 +143,7 @@ def _worth(repeats: NDArray[np.void]) -> EventBatch:
     counts = np.diff(np.append(starts, len(repeats)))
     ends = starts + counts - 1
     return EventBatch.of(
-        SightingsThinned,
+        events.SightingsThinned,
         door_id=repeats["door_id"][starts],
         state=repeats["state"][starts],
         count=counts,
@@ -172,7 +169,7 @@ def repeats_in(reader: LogReader, segment: Segment) -> Iterator[NDArray[np.void]
         happened_from_ns=least,
         happened_before_ns=greatest + 1,
         first_event=reader.horizon or None,
-        kinds=kinds_mask(STATE_KINDS),
+        kinds=kinds_mask(events.STATE_KINDS),
     )
     cuts, touched = _first_look(reader, span)
     for first_ns, before_ns in pairwise([least, *cuts, greatest + 1]):

@@ -47,15 +47,8 @@ from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import commit_of, end_of
 from semmap_log.store.reading.segment_scan import Segment, numbers_of
 from semmap_log.store.reading.window import Window
+from semmap_log.store.trimming import trimming
 from semmap_log.store.trimming.remaining_records import Selection
-from semmap_log.store.trimming.trimming import (
-    Trimming,
-    count_selected,
-    of_log,
-    takes_anything,
-    told_of,
-    trim_segments,
-)
 from semmap_log.store.verification import Severity, Verifier
 from semmap_log.store.verification.file_place import DiskPlace, OpenedFile
 
@@ -88,7 +81,7 @@ class TrimRule(Protocol):
 class TrimmedLog:
     """What was taken out of a log now."""
 
-    done: Trimming
+    done: trimming.Trimming
     event: int | None
     """Number of the event that records it; None: it was only counted."""
 
@@ -103,7 +96,7 @@ def plan_trimming(log: Path, rule: TrimRule, progress: Progress | None = None) -
     check_not_virtual(log)
     reader = LogReader(log)
     _check_on_disk(reader, rule)
-    return TrimmedLog(count_selected(reader, rule.select, progress), None)
+    return TrimmedLog(trimming.count_selected(reader, rule.select, progress), None)
 
 
 def trim_log(
@@ -136,17 +129,17 @@ def trim_log(
     check_not_virtual(log)
     reader = LogReader(log)
     _check_on_disk(reader, rule)
-    if not takes_anything(reader, rule.select) and not _is_begun(reader):
-        return TrimmedLog(Trimming(), None)
+    if not trimming.takes_anything(reader, rule.select) and not _is_begun(reader):
+        return TrimmedLog(trimming.Trimming(), None)
     with append(log, **(writing or {})) as opened:
         reader = LogReader(log)
         begun = _told(rule, reader)
         opened.append(
-            chain(rule.recorded_before(), [replace(begun, tombstones=of_log(reader, ""))]),
+            chain(rule.recorded_before(), [replace(begun, tombstones=trimming.of_log(reader, ""))]),
             note=note,
         )
     try:
-        done = trim_segments(log, rule.select, check_copy, progress)
+        done = trimming.trim_segments(log, rule.select, check_copy, progress)
     except CorruptLogError:
         _end(log, rule, note, writing)
         raise
@@ -185,12 +178,12 @@ def _is_begun(reader: LogReader) -> bool:
     window = Window(kinds=kinds_mask([HistoryTrimmed]))
     told = [one.event.tombstones for batch in reader.batches(window) for one in batch
             if isinstance(one.event, HistoryTrimmed)]  # fmt: skip
-    mine = [one for one in told if one.startswith(of_log(reader, ""))]
-    return bool(mine) and mine[-1] == of_log(reader, "")
+    mine = [one for one in told if one.startswith(trimming.of_log(reader, ""))]
+    return bool(mine) and mine[-1] == trimming.of_log(reader, "")
 
 
 def _told(rule: TrimRule, reader: LogReader) -> HistoryTrimmed:
-    return told_of(reader, before=rule.before, rule=rule.words, reason=rule.reason)
+    return trimming.told_of(reader, before=rule.before, rule=rule.words, reason=rule.reason)
 
 
 _EXPIRING = [kind.kind for kind in EXPIRING]

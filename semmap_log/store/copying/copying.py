@@ -19,38 +19,16 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+from semmap_log import errors
 from semmap_log.core.io.disk import sync_folder
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.core.io.virtual_logs import check_not_virtual
 from semmap_log.core.texts import command_line
-from semmap_log.errors import (
-    CorruptLogError,
-    LogError,
-    LogExistsError,
-    NotALogError,
-    OutputError,
-    SemmapError,
-)
+from semmap_log.store import byte_layout
 from semmap_log.store.bag_metadata import write_bag_metadata
-from semmap_log.store.byte_layout import (
-    BAG_METADATA_NAME,
-    KEPT_SUFFIX,
-    LOCK_NAME,
-    REMOVED_NAME,
-    is_mark_name,
-    is_temporary,
-    mark_names,
-)
 from semmap_log.store.closed_mark import ClosedMark, read_mark, read_named_mark, write_mark
-from semmap_log.store.copying.copy_plan import (
-    CopyPlan,
-    StagedFile,
-    Told,
-    is_merged_alone,
-    plan_copy,
-    problem_in_place,
-)
+from semmap_log.store.copying import copy_plan
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
@@ -137,10 +115,10 @@ class _Copying:
     """What was removed from the log's disk."""
 
     def run(self, new_check: NewKeyframeCheck, *, full: bool, progress: Progress | None) -> Copied:
-        plan = plan_copy(self.source, _opened(self.copy))
+        plan = copy_plan.plan_copy(self.source, _opened(self.copy))
         if full:
             self._recheck(plan, new_check)
-        staged = [StagedFile(self.copy, *one) for one in plan.missing]
+        staged = [copy_plan.StagedFile(self.copy, *one) for one in plan.missing]
         self._remove_stale_files({one.temporary for one in staged})
         told = _told(progress, 2 * sum(one.size for one in staged))
         for one in staged:
@@ -151,16 +129,16 @@ class _Copying:
         self._end(plan)
         return self._copied(plan, sum(one.size for one in staged))
 
-    def _recheck(self, plan: CopyPlan, new_check: NewKeyframeCheck) -> None:
+    def _recheck(self, plan: copy_plan.CopyPlan, new_check: NewKeyframeCheck) -> None:
         """Have copied again what is there and is damaged.
 
         Raises:
             CorruptLogError: It cannot be replaced: it was merged in the copy alone.
         """
         for segment, there in list(plan.kept):
-            problem = problem_in_place(self.copy, there.path.name, new_check)
-            if problem and is_merged_alone(there, segment):
-                raise CorruptLogError(there.path, None, f"{problem}. Copy into a new folder")
+            problem = copy_plan.problem_in_place(self.copy, there.path.name, new_check)
+            if problem and copy_plan.is_merged_alone(there, segment):
+                raise errors.CorruptLogError(there.path, None, f"{problem}. Copy into a new folder")
             if problem:
                 plan.kept.remove((segment, there))
                 plan.missing.append((segment, there.path.name))
@@ -169,17 +147,19 @@ class _Copying:
     def _remove_stale_files(self, staged: set[str]) -> None:
         """Remove what others have left unfinished, but what an earlier copying has written."""
         for name in _names(self.copy):
-            if is_temporary(name) and name not in staged:
+            if byte_layout.is_temporary(name) and name not in staged:
                 self.copy.remove(name)
 
-    def _put_removed(self, plan: CopyPlan) -> None:
+    def _put_removed(self, plan: copy_plan.CopyPlan) -> None:
         """Copy what is kept of segments that were removed from the log's disk, then their list."""
         if self.removed is None:
             return
         for one in self.removed.segments:
             data = self.log.read_bytes(one.kept_name, one.most_kept_bytes)
             if hashlib.sha256(data).hexdigest() != one.kept_sha256:
-                raise CorruptLogError(self.log / one.kept_name, None, "it is not what was written")
+                raise errors.CorruptLogError(
+                    self.log / one.kept_name, None, "it is not what was written"
+                )
             if not self.copy.has(one.kept_name) or data != self.copy.read_bytes(
                 one.kept_name, len(data) + 1
             ):
@@ -190,7 +170,7 @@ class _Copying:
 
     def _go_back_before(self, last: Segment) -> None:
         """Remove the copy's last segment, after the marks that name it."""
-        for name in mark_names(_names(self.copy)):
+        for name in byte_layout.mark_names(_names(self.copy)):
             found = read_named_mark(self.copy, name)
             if found is not None and found.segment >= last.header.number:
                 self.copy.remove(name)
@@ -198,7 +178,7 @@ class _Copying:
         self.copy.remove(last.path.name)
         self.copy.sync()
 
-    def _end(self, plan: CopyPlan) -> None:
+    def _end(self, plan: copy_plan.CopyPlan) -> None:
         """Write down how far the copy reaches, and what it holds; remove what lies in others."""
         made = LogReader(self.copy)
         last = made.segments[-1]
@@ -213,7 +193,7 @@ class _Copying:
             self.copy.remove(name)
         self.copy.sync()
 
-    def _copied(self, plan: CopyPlan, size: int) -> Copied:
+    def _copied(self, plan: copy_plan.CopyPlan, size: int) -> Copied:
         last = self.source.segments[-1]
         return Copied(
             path=self.copy.path,
@@ -239,10 +219,10 @@ def _check_places(log: Path, target: Path) -> None:
     place = place_of(log)
     if isinstance(place, UrlPath):
         line = command_line("fetch", place, target)
-        raise LogError(f"{log}: to bring a shipped log to a disk: {line}")
+        raise errors.LogError(f"{log}: to bring a shipped log to a disk: {line}")
     check_not_virtual(log)
     if log.is_dir() and log.resolve() in (target.resolve(), *target.resolve().parents):
-        raise OutputError(f"{target}: lies in the log's own folder; choose another place.")
+        raise errors.OutputError(f"{target}: lies in the log's own folder; choose another place.")
 
 
 @contextmanager
@@ -267,11 +247,11 @@ def _copy_at(target: Path) -> Iterator[LogFolder]:
                 sync_folder(target.parent)
         finally:
             lock.release()
-    except SemmapError:
+    except errors.SemmapError:
         raise  # some are OSErrors, too
     except OSError as error:
         said = error.strerror or error
-        raise OutputError(
+        raise errors.OutputError(
             f"{target}: could not be written: {said}. Its earlier contents are intact; copy again "
             "to continue from here."
         ) from error
@@ -281,8 +261,12 @@ def _copy_at(target: Path) -> Iterator[LogFolder]:
 
 def _remove_if_nothing(target: Path, *, is_new: bool) -> None:
     """Remove the folder that was made for a copy of which nothing was written."""
-    if is_new and target.is_dir() and [path.name for path in target.iterdir()] == [LOCK_NAME]:
-        (target / LOCK_NAME).unlink()
+    if (
+        is_new
+        and target.is_dir()
+        and [path.name for path in target.iterdir()] == [byte_layout.LOCK_NAME]
+    ):
+        (target / byte_layout.LOCK_NAME).unlink()
         target.rmdir()
 
 
@@ -297,15 +281,19 @@ def _check_may_be_copy(target: Path) -> None:
         return
     try:
         check_is_log(folder)
-    except NotALogError:
-        raise LogExistsError(
+    except errors.NotALogError:
+        raise errors.LogExistsError(
             f"{target}: expected nothing there, or an earlier copy of the log, got something else; "
             "choose another place."
         ) from None
 
 
 def _is_left_by_copying(name: str) -> bool:
-    return is_temporary(name) or name in (LOCK_NAME, REMOVED_NAME) or name.endswith(KEPT_SUFFIX)
+    return (
+        byte_layout.is_temporary(name)
+        or name in (byte_layout.LOCK_NAME, byte_layout.REMOVED_NAME)
+        or name.endswith(byte_layout.KEPT_SUFFIX)
+    )
 
 
 def _names(folder: LogFolder) -> list[str]:
@@ -325,14 +313,14 @@ def _not_copied(folder: LogFolder) -> tuple[str, ...]:
 
 def _is_of_log(name: str) -> bool:
     return (
-        (name.endswith((".mcap", KEPT_SUFFIX)) and not name.startswith("."))
-        or name in (BAG_METADATA_NAME, REMOVED_NAME, LOCK_NAME)
-        or is_mark_name(name)
-        or is_temporary(name)
+        (name.endswith((".mcap", byte_layout.KEPT_SUFFIX)) and not name.startswith("."))
+        or name in (byte_layout.BAG_METADATA_NAME, byte_layout.REMOVED_NAME, byte_layout.LOCK_NAME)
+        or byte_layout.is_mark_name(name)
+        or byte_layout.is_temporary(name)
     )
 
 
-def _told(progress: Progress | None, total: int) -> Told:
+def _told(progress: Progress | None, total: int) -> copy_plan.Told:
     done = 0
 
     def told(more: int) -> None:

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import distinct
 from semmap_log.core.io.byte_source import ByteSource
+from semmap_log.store import record_scan
 from semmap_log.store import records as mcap
 from semmap_log.store.byte_layout import (
     CHUNK_BYTES,
@@ -39,15 +40,6 @@ from semmap_log.store.reading.chunk_table import ROW, ChunkTable
 from semmap_log.store.reading.closed_summary import SPAN, spans_of_chunks
 from semmap_log.store.reading.invariants import Reading, ReadPosition, kinds_of_chunks
 from semmap_log.store.reading.resync import whole_chunks
-from semmap_log.store.record_scan import (
-    ChunkDamage,
-    ScannedRecords,
-    check_sizes,
-    frames,
-    heads_of,
-    scan_one,
-    walk,
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +122,7 @@ def head_records(source: ByteSource, start: int) -> Iterator[tuple[int, bytes]]:
     while True:
         window = source.read(at, at + room)
         begin = at
-        for opcode, offset, length in frames(window, 0, len(window)):
+        for opcode, offset, length in record_scan.frames(window, 0, len(window)):
             if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
                 return
             yield opcode, bytes(window[offset : offset + length])
@@ -183,11 +175,11 @@ def _too_much(scan: LiveScan, part: ChunkRun) -> str:
     """Return what is wrong with the sizes of all chunks so far and of a part; empty: nothing."""
     rows, more = scan.table.rows, part.chunks
     try:
-        check_sizes(
+        record_scan.check_sizes(
             int(rows["size"].sum()) + sum(chunk.size for chunk in more),
             int(rows["stored_size"].sum()) + sum(chunk.stored_size for chunk in more),
         )
-    except ChunkDamage as damage:
+    except record_scan.ChunkDamage as damage:
         return str(damage)
     return ""
 
@@ -230,7 +222,7 @@ class _LaterChunks:
         """Search everything after an offset."""
         chunks, first_event, durable_before = 0, None, 0
         for _, records, offsets in whole_chunks(source.read, start, source.size):
-            page = Page(records, expected, PurePath(), 0, ScannedRecords(offsets))
+            page = Page(records, expected, PurePath(), 0, record_scan.ScannedRecords(offsets))
             later = [n for n in page.event_numbers()[:1].tolist() if n > expected]
             first_event = first_event or next(iter(later), None)
             commits = page.commit_rows(page.commit_places())
@@ -275,7 +267,9 @@ class ChunkRun:
         offsets = [own + start for own, start in zip(self.offsets, starts, strict=True)]
         records = self.records[0] if len(self.records) == 1 else b"".join(self.records)
         place = self.chunks[0].offset
-        return Page(records, first_event, path, place, ScannedRecords(np.concatenate(offsets)))
+        return Page(
+            records, first_event, path, place, record_scan.ScannedRecords(np.concatenate(offsets))
+        )
 
 
 def read_part(source: ByteSource, at: int) -> ChunkRun:
@@ -299,7 +293,7 @@ def read_part(source: ByteSource, at: int) -> ChunkRun:
                 window = _Window(source, at, behind.end)
                 continue
             break
-        except ChunkDamage as damage:
+        except record_scan.ChunkDamage as damage:
             part.problem = str(damage)
             break
         at = chunk.offset + chunk.length + channels * mcap.MESSAGE_INDEX_HEAD_BYTES
@@ -356,12 +350,12 @@ def _chunk_at(window: _Window, at: int) -> StoredChunk | None:
         return None
     frame = window.get(at, at + mcap.FRAME.size)
     if frame[0] != Opcode.CHUNK:
-        raise ChunkDamage("no chunk where one must be")
+        raise record_scan.ChunkDamage("no chunk where one must be")
     if len(frame) < mcap.FRAME.size:
-        raise ChunkDamage("a chunk that is cut")
+        raise record_scan.ChunkDamage("a chunk that is cut")
     length = mcap.FRAME.size + mcap.FRAME.unpack(frame)[1]
     if at + length > window.size:
-        raise ChunkDamage("a chunk that is cut, or has a wrong length")
+        raise record_scan.ChunkDamage("a chunk that is cut, or has a wrong length")
     window.get(at, at + length)
     return read_chunk_head(window.data, at, length, window.start)
 
@@ -373,14 +367,14 @@ def _messages(
     if chunk.size >= SMALL_BYTES:
         behind = chunk.offset + chunk.length
         window.get(behind, behind + _most_index_bytes(chunk.size))
-        offsets = scan_one(window.data, behind - window.start, records).offsets
-        channels = len(distinct(heads_of(records, offsets)["channel_id"]))
+        offsets = record_scan.scan_one(window.data, behind - window.start, records).offsets
+        channels = len(distinct(record_scan.heads_of(records, offsets)["channel_id"]))
     else:
-        offsets = walk(records)
+        offsets = record_scan.walk(records)
         channel_at = _CHANNEL_ID.unpack_from
         channels = len({channel_at(records, offset) for offset in offsets.tolist()})
     if not channels:
-        raise ChunkDamage("a chunk without messages")
+        raise record_scan.ChunkDamage("a chunk without messages")
     return offsets, channels
 
 
@@ -410,7 +404,7 @@ def _after_channels(window: _Window, at: int) -> int:
         if len(frame) == mcap.FRAME.size:
             end = at + mcap.FRAME.size + mcap.FRAME.unpack(frame)[1]
         if end > window.size:
-            raise ChunkDamage("a Channel that is cut, or has a wrong length")
+            raise record_scan.ChunkDamage("a Channel that is cut, or has a wrong length")
         _check_channel(window.get(at + mcap.FRAME.size, end))
         at = end
     return at
@@ -420,12 +414,14 @@ def _check_channel(body: memoryview) -> None:
     try:
         channel = mcap.read_record(Channel, body)
     except ValueError as error:
-        raise ChunkDamage(str(error)) from None
+        raise record_scan.ChunkDamage(str(error)) from None
     if channel.id < FLOOR_MAP_CHANNEL:
-        raise ChunkDamage(f"a Channel {channel.id} where only those of floor maps may be")
+        raise record_scan.ChunkDamage(
+            f"a Channel {channel.id} where only those of floor maps may be"
+        )
     topic = floor_map_topic(channel.id - FLOOR_MAP_CHANNEL)
     if (channel.topic, channel.schema_id) != (topic.topic, topic.schema_id):
-        raise ChunkDamage(f"a Channel {channel.id} that is not the floor map's")
+        raise record_scan.ChunkDamage(f"a Channel {channel.id} that is not the floor map's")
 
 
 def _is_closing_section(window: _Window, at: int) -> bool:

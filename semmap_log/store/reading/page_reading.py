@@ -16,13 +16,8 @@ from semmap_log.errors import CorruptLogError
 from semmap_log.store import records as mcap
 from semmap_log.store.chunks import crc_problem
 from semmap_log.store.pages import Page, compiled_scan
+from semmap_log.store.reading import invariants
 from semmap_log.store.reading.chunk_table import ChunkTable, LoadedChunks
-from semmap_log.store.reading.invariants import (
-    KINDS_MISFIT,
-    TIMES_VIOLATION,
-    first_violation,
-    in_chunks,
-)
 from semmap_log.store.record_scan import (
     ChunkDamage,
     ScannedChunks,
@@ -132,7 +127,7 @@ def read_page(
     except ChunkDamage as damage:
         raise CorruptLogError(chunks.path, place, str(damage)) from None
     page = Page(whole, first_event, chunks.path, place, scanned)
-    violation = _violation(scanned.chunks or in_chunks(page, ends), rows)
+    violation = _violation(scanned.chunks or invariants.in_chunks(page, ends), rows)
     if violation is not None:
         raise CorruptLogError(chunks.path, int(rows["offset"][violation[0]]), violation[1])
     return page
@@ -199,11 +194,11 @@ def _first_misfit_of_crc(
 
 def _violation(chunks: ScannedChunks, rows: NDArray[np.void]) -> tuple[int, str] | None:
     """Return the place of a chunk that is not what the table says, and what is wrong with it."""
-    place = first_violation(chunks.least_ns, chunks.greatest_ns, rows)
+    place = invariants.first_violation(chunks.least_ns, chunks.greatest_ns, rows)
     if place is not None:
-        return place, TIMES_VIOLATION
+        return place, invariants.TIMES_VIOLATION
     wrong = np.flatnonzero(chunks.kinds != rows["kinds"])
-    return (int(wrong[0]), KINDS_MISFIT) if len(wrong) else None
+    return (int(wrong[0]), invariants.KINDS_MISFIT) if len(wrong) else None
 
 
 def _page_of_one(loaded: LoadedChunks, first_event: int, records: Records) -> Page:
@@ -221,7 +216,9 @@ def _page_of_one(loaded: LoadedChunks, first_event: int, records: Records) -> Pa
 
 def _check_rows(page: Page, chunks: ChunkTable) -> None:
     found = page.scanned.chunks if page.scanned is not None else None
-    violation = _violation(found or in_chunks(page, np.array([len(page.records)])), chunks.rows)
+    violation = _violation(
+        found or invariants.in_chunks(page, np.array([len(page.records)])), chunks.rows
+    )
     if violation is not None:
         raise ChunkDamage(violation[1])
 

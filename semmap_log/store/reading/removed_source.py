@@ -24,23 +24,10 @@ from semmap_log.core.lazily import computed_once
 from semmap_log.core.model.events import FloorMap, Retracted
 from semmap_log.core.texts import counted
 from semmap_log.errors import CorruptLogError, ElsewhereError, LogAccessError, NotALogError
+from semmap_log.store import closed_mark, manifest
 from semmap_log.store.bag_metadata import listed_names
 from semmap_log.store.byte_layout import mark_names
-from semmap_log.store.closed_mark import (
-    MOST_BYTES,
-    ClosedMark,
-    last_mark,
-    mark_in,
-    those_that_count,
-)
 from semmap_log.store.folder import LogFolder
-from semmap_log.store.manifest import (
-    KeptManifest,
-    ShippedSegment,
-    log_objects,
-    metadata_text,
-    read_manifest,
-)
 from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.command_rows import rows_of
 from semmap_log.store.reading.segment_reading import batches_of
@@ -110,7 +97,7 @@ class RemovedSource:
             raise CorruptLogError(path, None, f"not what was written: {error}") from None
 
 
-def kept_bytes(segment: Segment, shipped: ShippedSegment) -> bytes:
+def kept_bytes(segment: Segment, shipped: manifest.ShippedSegment) -> bytes:
     """Return what is to be kept of a segment: its ends, its commands, what it takes back, floors.
 
     Args:
@@ -210,10 +197,10 @@ class ObjectSegments:
         self._cache = cache_of_environment() if cache is None else cache
         self._listed_for_s = listed_for_s
         self._listed_at = -math.inf
-        self._manifest: KeptManifest | None = None
-        self._told: dict[str, ShippedSegment] = {}
+        self._manifest: manifest.KeptManifest | None = None
+        self._told: dict[str, manifest.ShippedSegment] = {}
         self._listed: dict[str, ObjectStatus] = {}
-        self._mark: tuple[list[ObjectStatus], ClosedMark | None] = [], None
+        self._mark: tuple[list[ObjectStatus], closed_mark.ClosedMark | None] = [], None
 
     @property
     def path(self) -> UrlPath:
@@ -246,7 +233,7 @@ class ObjectSegments:
         sha256 = "" if told is None else told.sha256
         return ObjectSource(self._store, self._status(name), cache=self._cache, sha256=sha256)
 
-    def told(self, name: str) -> ShippedSegment | None:
+    def told(self, name: str) -> manifest.ShippedSegment | None:
         """Return what the manifest says of a segment; as `SegmentStore.told`."""
         return self._told.get(name)
 
@@ -254,20 +241,20 @@ class ObjectSegments:
         """Return how long a segment is, as it was last listed; as `SegmentStore.size_of`."""
         return self._status(name).size
 
-    def mark(self) -> ClosedMark | None:
+    def mark(self) -> closed_mark.ClosedMark | None:
         """Return how far the log reaches, by the manifest, or by the last mark."""
         self._look()
         if self._manifest is not None:
             return self._manifest.manifest.mark
-        names = those_that_count(mark_names(self._listed))
+        names = closed_mark.those_that_count(mark_names(self._listed))
         found = [self._listed[name] for name in names]
         if found != self._mark[0]:
-            self._mark = found, last_mark(names, self._read_mark)
+            self._mark = found, closed_mark.last_mark(names, self._read_mark)
         return self._mark[1]
 
     def closed_names(self) -> list[str]:
         """Return the closed segments that metadata.yaml lists: in a log without a mark."""
-        return listed_names(metadata_text(self._store))
+        return listed_names(manifest.metadata_text(self._store))
 
     def _status(self, name: str) -> ObjectStatus:
         status = self._look().get(name)
@@ -286,10 +273,10 @@ class ObjectSegments:
         """
         now = time.monotonic()
         if now - self._listed_at >= self._listed_for_s:
-            self._manifest = read_manifest(self._store, self._manifest)
+            self._manifest = manifest.read_manifest(self._store, self._manifest)
             if self._manifest is None:
                 self._told = {}
-                self._listed = {status.name: status for status in log_objects(self._store)}
+                self._listed = {status.name: status for status in manifest.log_objects(self._store)}
             else:
                 self._told = {one.name: one for one in self._manifest.manifest.segments}
                 self._listed = {
@@ -298,10 +285,10 @@ class ObjectSegments:
             self._listed_at = now
         return self._listed
 
-    def _read_mark(self, name: str) -> ClosedMark | None:
+    def _read_mark(self, name: str) -> closed_mark.ClosedMark | None:
         status = self._listed[name]
         try:
-            data = self._store.part(status, 0, min(status.size, MOST_BYTES))
+            data = self._store.part(status, 0, min(status.size, closed_mark.MOST_BYTES))
         except FileNotFoundError:
             return None
-        return mark_in(data, self.path / name)
+        return closed_mark.mark_in(data, self.path / name)

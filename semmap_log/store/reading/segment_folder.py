@@ -18,6 +18,7 @@ from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.core.io.virtual_logs import has_virtual_suffix
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
+from semmap_log.store import removed_part
 from semmap_log.store.byte_layout import (
     BAG_METADATA_NAME,
     MOST_LIST_BYTES,
@@ -37,12 +38,6 @@ from semmap_log.store.reading.segment_set import (
     check_continues,
     check_listed,
     check_reaches,
-)
-from semmap_log.store.removed_part import (
-    RemovedPart,
-    RemovedSegment,
-    read_removed_part,
-    rest_of_environment,
 )
 
 if TYPE_CHECKING:
@@ -238,10 +233,10 @@ class LocalSegments:
                 environment says; else they are not read.
         """
         self.folder = folder
-        self._rest_at = rest_at or rest_of_environment()
-        self._removed: tuple[Version | None, RemovedPart | None] = None, None
+        self._rest_at = rest_at or removed_part.rest_of_environment()
+        self._removed: tuple[Version | None, removed_part.RemovedPart | None] = None, None
         """What shipped.json stated, and what shows that it is still the same file."""
-        self._elsewhere: dict[str, RemovedSegment] = {}
+        self._elsewhere: dict[str, removed_part.RemovedSegment] = {}
         """Those whose files are not there, as listed last."""
         self._listed: Listing = []
         """The files that were there at the last look: while they are, none was removed."""
@@ -287,7 +282,7 @@ class LocalSegments:
         removed = self._elsewhere.get(name)
         return None if removed is None else removed.shipped
 
-    def _removed_source(self, removed: RemovedSegment) -> ByteSource:
+    def _removed_source(self, removed: removed_part.RemovedSegment) -> ByteSource:
         if self._rest_at is None:
             part = self._removed[1]
             assert part is not None
@@ -301,13 +296,13 @@ class LocalSegments:
         status = ObjectStatus(shipped.name, shipped.size, "")
         return ObjectSource(ObjectStore(self._rest_at), status, sha256=shipped.sha256)
 
-    def _removed_part(self) -> RemovedPart | None:
+    def _removed_part(self) -> removed_part.RemovedPart | None:
         try:
             version = self.folder.version(REMOVED_NAME)
         except OSError:
             return None
         if version != self._removed[0]:
-            self._removed = version, read_removed_part(self.folder)
+            self._removed = version, removed_part.read_removed_part(self.folder)
         return self._removed[1]
 
     def size_of(self, name: str) -> int:

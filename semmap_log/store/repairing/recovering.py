@@ -50,13 +50,7 @@ from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo, SegmentHeader, Trimmed
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.repairing.recovery_plan import (
-    KeptBeginning,
-    Loss,
-    RecoveryPlan,
-    TrimmedPart,
-    plan_recovery,
-)
+from semmap_log.store.repairing import recovery_plan
 from semmap_log.store.repairing.rewriting import Rewriter, chunks_of
 from semmap_log.store.segment import SegmentWriter
 from semmap_log.store.trimming.trimming import told_of
@@ -90,7 +84,7 @@ class StateParts:
 class Recovered:
     """What a recovery did."""
 
-    plan: RecoveryPlan
+    plan: recovery_plan.RecoveryPlan
     log: Path | None
     """The log that is whole now; None: there was nothing to do."""
     kept: Path | None
@@ -128,7 +122,7 @@ def recover(
     lock = WriterLock(old)
     try:
         kept = put_away(log)
-        found = plan_recovery(log, parts.new_check, progress)
+        found = recovery_plan.plan_recovery(log, parts.new_check, progress)
         if not found.has_to_do:
             return Recovered(found, log if kept else None, kept)
         header = _header(found, entropy, is_new=not found.keeps_numbers)
@@ -178,7 +172,7 @@ def recover_into(
     target = target.resolve()
     if target.exists() and not (target.is_dir() and LogFolder(target).is_empty()):
         raise LogExistsError(f"{target}: exists already; expected a new folder for the log.")
-    found = plan_recovery(log, parts.new_check, progress)
+    found = recovery_plan.plan_recovery(log, parts.new_check, progress)
     if not found.has_to_do:
         return Recovered(found, None, None)
     try:
@@ -197,7 +191,7 @@ def recover_into(
     return Recovered(found, target, None)
 
 
-def loss_text(found: RecoveryPlan) -> str:
+def loss_text(found: recovery_plan.RecoveryPlan) -> str:
     """Return what a recovery loses, in a sentence for the log itself."""
     if not found.losses and not found.dropped:
         return "nothing was lost"
@@ -211,7 +205,7 @@ def loss_text(found: RecoveryPlan) -> str:
     return f"{words} (numbers of the damaged log)"
 
 
-def _range(loss: Loss) -> str:
+def _range(loss: recovery_plan.Loss) -> str:
     if loss.last_event is None:
         return f"from {loss.first_event} on"
     if loss.first_event == loss.last_event:
@@ -227,7 +221,7 @@ def _check_is_folder(log: Path) -> None:
         raise LogError(f"{log}: no segment of a semmap log is in this folder.")
 
 
-def _header(found: RecoveryPlan, entropy: Entropy, *, is_new: bool) -> SegmentHeader:
+def _header(found: recovery_plan.RecoveryPlan, entropy: Entropy, *, is_new: bool) -> SegmentHeader:
     """Return the header of the new log's first segment, with a new id where it is another log."""
     old = found.header
     info = LogInfo(entropy(16).hex(), "UTC") if old is None else old.info
@@ -240,7 +234,11 @@ def _header(found: RecoveryPlan, entropy: Entropy, *, is_new: bool) -> SegmentHe
 
 
 def _write(
-    found: RecoveryPlan, new: NewLog, new_check: NewKeyframeCheck, clock: Clock, entropy: Entropy
+    found: recovery_plan.RecoveryPlan,
+    new: NewLog,
+    new_check: NewKeyframeCheck,
+    clock: Clock,
+    entropy: Entropy,
 ) -> None:
     """Write the new log, and verify it before anybody sees it."""
     try:
@@ -277,7 +275,7 @@ class NewLog:
         name: str,
         header: SegmentHeader,
         new_source: NewKeyframeSource[KeyframeSource],
-        trimmed: Sequence[TrimmedPart] = (),
+        trimmed: Sequence[recovery_plan.TrimmedPart] = (),
     ) -> None:
         """Begin a log.
 
@@ -295,12 +293,12 @@ class NewLog:
         self._segment: SegmentWriter | None = None
         self._new_source = new_source
         self._keyframes = new_source(folder, holds_nothing_back)
-        self._beginning: KeptBeginning | None = None
+        self._beginning: recovery_plan.KeptBeginning | None = None
         self._closed: list[ClosedSegment] = []
         self._trimmed = {part.first_event: part for part in trimmed}
         self._trimmed_end = max((part.next_event for part in trimmed), default=0)
 
-    def begin_with(self, beginning: KeptBeginning) -> None:
+    def begin_with(self, beginning: recovery_plan.KeptBeginning) -> None:
         """Take over the beginning of a log that has a horizon; to be called first."""
         self._beginning = beginning
         self._trimmed_end = max(self._trimmed_end, beginning.next_event)

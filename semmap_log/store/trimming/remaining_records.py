@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from semmap_log.core.messages import layout, read_message, type_name, write_message
 from semmap_log.core.model.commits import NO_CONTENT, Note
+from semmap_log.store import gone_commands
 from semmap_log.store import records as mcap
 from semmap_log.store.byte_layout import (
     CHUNK_BYTES,
@@ -30,16 +31,6 @@ from semmap_log.store.byte_layout import (
     kind_of_channel,
 )
 from semmap_log.store.compaction.merge import Pause, no_pause, pages
-from semmap_log.store.gone_commands import (
-    UNKNOWN,
-    CommandSeal,
-    Content,
-    LostPart,
-    Tombstone,
-    moved,
-    part_of,
-    read_tombstone,
-)
 from semmap_log.store.header import TrimReason
 from semmap_log.store.pages import Page
 from semmap_log.store.reading.segment_scan import Segment
@@ -78,8 +69,8 @@ class _OpenCommit:
     note: bytes = b""
     written_note: bytes = b""
     """As it is in the segment."""
-    content: Content = field(default_factory=Content)
-    before: Tombstone | None = None
+    content: gone_commands.Content = field(default_factory=gone_commands.Content)
+    before: gone_commands.Tombstone | None = None
     """What it lacked already."""
 
     def take(self, channel: int, written: bytes | memoryview, left: bytes | memoryview) -> None:
@@ -98,7 +89,7 @@ class _OpenCommit:
         if left is not written:
             self.lacking.add(channel)
 
-    def tombstone(self, said: dict[str, Any], reason: TrimReason) -> Tombstone | None:
+    def tombstone(self, said: dict[str, Any], reason: TrimReason) -> gone_commands.Tombstone | None:
         """Return what stands for what it lacks; None: it lacks nothing.
 
         Args:
@@ -110,7 +101,7 @@ class _OpenCommit:
         lost = [self._part(channel, known) for channel in sorted(self.lacking | known.keys())]
         if not lost and before is None:
             return None
-        return Tombstone(
+        return gone_commands.Tombstone(
             said["first_event"],
             said["count"],
             0,
@@ -133,7 +124,9 @@ class _OpenCommit:
             return NO_HASH
         recorded_ns = said["log_time"] - said["count"] - bool(self.written_note)
         if self.before is not None:
-            unknown = CommandSeal(UNKNOWN, UNKNOWN, 0, recorded_ns, 0, said["count"])
+            unknown = gone_commands.CommandSeal(
+                gone_commands.UNKNOWN, gone_commands.UNKNOWN, 0, recorded_ns, 0, said["count"]
+            )
             return self.before.hash if self.before.hash != NO_HASH else unknown.packed()
         note = Note()
         if self.written_note:
@@ -141,11 +134,11 @@ class _OpenCommit:
             note = Note(**(texts | {"salt": b""}))
         return self.content.seal(said["command_id"], content, note, recorded_ns).packed()
 
-    def _part(self, channel: int, known: dict[int, bytes]) -> LostPart:
+    def _part(self, channel: int, known: dict[int, bytes]) -> gone_commands.LostPart:
         whole, kept = self.digests.get(channel, (None, None))
         is_empty = kept is None or kept.digest() == _EMPTY
         digest = known[channel] if channel in known else whole.digest()
-        return LostPart(channel, digest, NO_HASH if is_empty else kept.digest())
+        return gone_commands.LostPart(channel, digest, NO_HASH if is_empty else kept.digest())
 
 
 class KeptRecords(NamedTuple):
@@ -173,7 +166,7 @@ class RemainingRecords:
         horizons = (one.horizon for one in before if one is not None)
         self._horizon = max(selection.horizon, *horizons, 0)
         self._open: _OpenCommit | None = None
-        self._run: Tombstone | None = None
+        self._run: gone_commands.Tombstone | None = None
         """Whole commits that are gone, right before what comes next …"""
         self._run_ns = 0
         """… and the log time of the last of them."""
@@ -264,7 +257,7 @@ class RemainingRecords:
 
     def _tombstone(self, record: bytes | memoryview, page: Page, i: int) -> None:
         """Take in what was taken out before."""
-        before = read_tombstone(record, page.path)
+        before = gone_commands.read_tombstone(record, page.path)
         if before.commits:
             self._extend_run(before, int(page.heads["log_time"][i]))
         else:
@@ -316,7 +309,7 @@ class RemainingRecords:
         self._put(left + commit.note + bytes(record))
         self._next_event = said["first_event"] + said["count"]
 
-    def _extend_run(self, more: Tombstone, time_ns: int) -> None:
+    def _extend_run(self, more: gone_commands.Tombstone, time_ns: int) -> None:
         run = self._run
         if run is not None and len(run.parts) + len(more.parts) > MOST_COMMANDS:
             self._end_run()
@@ -330,7 +323,7 @@ class RemainingRecords:
             notes_gone=run.notes_gone + more.notes_gone,
             reasons=run.reasons | more.reasons,
             hash=more.hash,
-            parts=run.parts + moved(more.parts, run.count),
+            parts=run.parts + gone_commands.moved(more.parts, run.count),
         )  # fmt: skip
 
     def _keyframe(self, page: Page) -> None:
@@ -381,11 +374,13 @@ MOST_COMMANDS = 4096
 _EMPTY = hashlib.sha256().digest()
 
 
-def _whole(said: dict[str, Any], commit: _OpenCommit, reason: TrimReason) -> Tombstone:
+def _whole(
+    said: dict[str, Any], commit: _OpenCommit, reason: TrimReason
+) -> gone_commands.Tombstone:
     """Return what stands for a commit of which nothing is left."""
     before = commit.before
-    seal = CommandSeal.unpacked(commit.seal(said))
-    return Tombstone(
+    seal = gone_commands.CommandSeal.unpacked(commit.seal(said))
+    return gone_commands.Tombstone(
         said["first_event"],
         said["count"],
         1,
@@ -394,7 +389,7 @@ def _whole(said: dict[str, Any], commit: _OpenCommit, reason: TrimReason) -> Tom
         reason | (TrimReason(0) if before is None else before.reasons),
         bytes(said["previous_hash"]),
         bytes(said["hash"]),
-        () if seal is None else (part_of(said["command_id"], seal),),
+        () if seal is None else (gone_commands.part_of(said["command_id"], seal),),
     )
 
 

@@ -25,18 +25,9 @@ from mcap.records import (
 
 from semmap_log.core.io.checksum import crc32
 from semmap_log.core.messages import layout
+from semmap_log.store import byte_layout
 from semmap_log.store import records as mcap
 from semmap_log.store.bag_metadata import ClosedSegment
-from semmap_log.store.byte_layout import (
-    COMMIT_CHANNEL,
-    INDEX_METADATA,
-    KEYFRAME_CHANNEL,
-    LOG_METADATA,
-    NOTE_CHANNEL,
-    TOMBSTONE_CHANNEL,
-    count_events,
-    floor_map_topic,
-)
 from semmap_log.store.chunks import NO_SPAN
 from semmap_log.store.command_index import attachment, command_rows
 from semmap_log.store.gone_commands import Tombstone
@@ -88,7 +79,7 @@ class Contents:
     def add(self, piece: Piece) -> None:
         """Take the next chunk in."""
         self.chunks.append(piece.chunk_index())
-        self.spans.append((count_events(piece.counts), *piece.happened))
+        self.spans.append((byte_layout.count_events(piece.counts), *piece.happened))
         self.counts.update(piece.counts)
         self.levels.update(level for level in piece.levels if level)
         for commit in _commits(piece):
@@ -150,7 +141,10 @@ class Contents:
         spans = [(least, greatest) for count, least, greatest in self.spans if count]
         happened = (min(s[0] for s in spans), max(s[1] for s in spans)) if spans else NO_SPAN
         recorded = said.message_start_time, said.message_end_time
-        trimmed, counted = header.trimmed, header.first_event + count_events(self.counts)
+        trimmed, counted = (
+            header.trimmed,
+            header.first_event + byte_layout.count_events(self.counts),
+        )
         next_event = counted if trimmed is None else trimmed.next_event
         return ShippedSegment(
             name, size, "", header, self.header_end, next_event, self.closing_head(),
@@ -241,7 +235,8 @@ def _index(file: FileBytes, at: int, contents: Contents) -> tuple[Metadata | Non
     opcode, body = mcap.FRAME.unpack(file[at : at + mcap.FRAME.size])
     length = mcap.FRAME.size + body
     if opcode != Opcode.METADATA:
-        text = f"expected the Metadata {INDEX_METADATA}, got a record of opcode {opcode:#04x}"
+        name = byte_layout.INDEX_METADATA
+        text = f"expected the Metadata {name}, got a record of opcode {opcode:#04x}"
         return None, 0, [Flaw("closing", at, text)]
     if at + length > len(file):
         return None, length, [Flaw("closing", at, "its index ends after the file's end")]
@@ -254,10 +249,16 @@ def _index(file: FileBytes, at: int, contents: Contents) -> tuple[Metadata | Non
         head = head_in_index(record)
         expected = mcap.record(record)  # the length in the frame is believed no more
     except (ValueError, KeyError) as error:
-        return None, length, [Flaw("index", at, f"the Metadata {INDEX_METADATA}: {error}")]
+        return (
+            None,
+            length,
+            [Flaw("index", at, f"the Metadata {byte_layout.INDEX_METADATA}: {error}")],
+        )
     flaws = []
-    if expected != file[at : at + len(expected)] or record.name != INDEX_METADATA:
-        flaws.append(Flaw("index", at, f"not the Metadata {INDEX_METADATA} as we write it"))
+    if expected != file[at : at + len(expected)] or record.name != byte_layout.INDEX_METADATA:
+        flaws.append(
+            Flaw("index", at, f"not the Metadata {byte_layout.INDEX_METADATA} as we write it")
+        )
     if index != _columns_of(contents):
         text = "the index of the chunks' events is not what they are"
         flaws.append(Flaw("index", at, text))
@@ -285,9 +286,9 @@ def _next_event(piece: Piece, before: int) -> int:
         before: The same of the chunk before it.
     """
     for channel, sequence, *_, start, end in piece.messages:
-        if channel == TOMBSTONE_CHANNEL and not _stands_for_commits(piece, start, end):
+        if channel == byte_layout.TOMBSTONE_CHANNEL and not _stands_for_commits(piece, start, end):
             continue  # it stands in the middle of its commit
-        if channel not in (KEYFRAME_CHANNEL, NOTE_CHANNEL):
+        if channel not in (byte_layout.KEYFRAME_CHANNEL, byte_layout.NOTE_CHANNEL):
             before += (sequence + 1 - before) % SEQUENCE_RANGE
     return before
 
@@ -295,7 +296,7 @@ def _next_event(piece: Piece, before: int) -> int:
 def _hash_at_end(piece: Piece) -> bytes:
     """Return the hash of the last commit of a chunk that ends with commits that are gone."""
     channel, *_, start, end = piece.messages[-1]
-    if channel == TOMBSTONE_CHANNEL and _stands_for_commits(piece, start, end):
+    if channel == byte_layout.TOMBSTONE_CHANNEL and _stands_for_commits(piece, start, end):
         return Tombstone.in_record(piece.records[start:end]).hash
     return b""
 
@@ -325,10 +326,14 @@ def _records_after(
     start = data_end + len(mcap.record(DataEnd(data_section_crc=0)))
     head = len(first_bytes())
     metadata = [
-        MetadataIndex(length=contents.header_end - head, name=LOG_METADATA, offset=head),
-        MetadataIndex(length=index_length, name=INDEX_METADATA, offset=at),
+        MetadataIndex(
+            length=contents.header_end - head, name=byte_layout.LOG_METADATA, offset=head
+        ),
+        MetadataIndex(length=index_length, name=byte_layout.INDEX_METADATA, offset=at),
     ]
-    levels = [channel_record(floor_map_topic(level)) for level in sorted(contents.levels)]
+    levels = [
+        channel_record(byte_layout.floor_map_topic(level)) for level in sorted(contents.levels)
+    ]
     said = contents.statistics(len(metadata), len(attachments))
     groups: list[tuple[Opcode, list[tuple[str, bytes]]]] = [
         (Opcode.SCHEMA, _of_head(contents.head.schemas)),
@@ -359,7 +364,10 @@ def _commits(piece: Piece) -> Iterator[dict[str, Any]]:
     """Yield the fields of its Commit records, as far as they are of the right size."""
     commit = layout("Commit")
     for channel, _, _, _, start, end in piece.messages:
-        if channel == COMMIT_CHANNEL and end - start == mcap.MESSAGE.size + commit.dtype.itemsize:
+        if (
+            channel == byte_layout.COMMIT_CHANNEL
+            and end - start == mcap.MESSAGE.size + commit.dtype.itemsize
+        ):
             yield commit.unpack(piece.records, start + mcap.MESSAGE.size)
 
 

@@ -13,15 +13,8 @@ from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
 
 from semmap_log.errors import LogAccessError, LogError, NewerLogError
+from semmap_log.store import byte_layout
 from semmap_log.store import records as mcap
-from semmap_log.store.byte_layout import (
-    LIBRARY,
-    LOG_METADATA,
-    PROFILE,
-    number_in,
-    segment_name,
-    stem_of,
-)
 from semmap_log.store.header import OtherVersionError, SegmentHeader
 from semmap_log.store.verification.file_place import FileBytes, FilePlace, OpenedFile, Vanished
 
@@ -29,7 +22,7 @@ HEAD_BYTES = 2**16
 """The header lies well within; a longer one is not ours."""
 FOOTER_BYTES = 9 + 20 + len(mcap.MAGIC)
 
-_MARKS = (LOG_METADATA.encode(), b"hash_so_far")
+_MARKS = (byte_layout.LOG_METADATA.encode(), b"hash_so_far")
 """Both stand in every head: one flipped bit leaves one of them."""
 
 
@@ -53,7 +46,7 @@ class SegmentFile:
     @property
     def named_number(self) -> int | None:
         """The number that its name gives it; None: its name has none."""
-        return number_in(self.path.name)
+        return byte_layout.number_in(self.path.name)
 
     @property
     def number(self) -> int:
@@ -70,7 +63,9 @@ class SegmentFile:
 
 def name_of(file: SegmentFile, number: int) -> PurePath:
     """Return the name that the segment of another number must have next to this one."""
-    return file.path.with_name(segment_name(stem_of(file.path.name), number))
+    return file.path.with_name(
+        byte_layout.segment_name(byte_layout.stem_of(file.path.name), number)
+    )
 
 
 def look_at(place: FilePlace, path: PurePath) -> SegmentFile | None:
@@ -87,7 +82,7 @@ def look_at(place: FilePlace, path: PurePath) -> SegmentFile | None:
             return None
         data = FileBytes(path, file)
         head = bytes(data[:HEAD_BYTES])
-        is_named_like_ours = bool(data.unreadable) and number_in(path.name) is not None
+        is_named_like_ours = bool(data.unreadable) and byte_layout.number_in(path.name) is not None
         if not (_is_ours(head) or is_named_like_ours):
             return None
         foot = bytes(data[max(0, file.size - FOOTER_BYTES) :])
@@ -115,7 +110,9 @@ def bytes_of(place: FilePlace, file: SegmentFile) -> Iterator[FileBytes]:
 @cache
 def first_bytes() -> bytes:
     """Return the bytes with which every segment begins: magic and Header."""
-    return mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY))
+    return mcap.MAGIC + mcap.record(
+        Header(profile=byte_layout.PROFILE, library=byte_layout.LIBRARY)
+    )
 
 
 def _is_ours(head: bytes) -> bool:
@@ -133,17 +130,17 @@ def _header_of(path: PurePath, head: bytes) -> tuple[SegmentHeader | None, int, 
         opcode, length = mcap.FRAME.unpack_from(head, start)
         end = start + mcap.FRAME.size + length
         if opcode != Opcode.METADATA or end > len(head):
-            return None, 0, f"no Metadata {LOG_METADATA} where it must be"
+            return None, 0, f"no Metadata {byte_layout.LOG_METADATA} where it must be"
         metadata = mcap.read_record(Metadata, head[start + mcap.FRAME.size : end])
         header = SegmentHeader.from_metadata(metadata)
     except OtherVersionError as error:
         raise (NewerLogError if error.is_newer else LogError)(f"{path}: {error}.") from None
     except (ValueError, struct.error) as error:
-        return None, 0, f"its Metadata {LOG_METADATA}: {error}"
+        return None, 0, f"its Metadata {byte_layout.LOG_METADATA}: {error}"
     # Its own length is believed no more. How a later version orders its entries is not known.
     expected = mcap.record(metadata if header.others else header.to_metadata())
     if expected != head[start : start + len(expected)]:
-        problem = f"its Metadata {LOG_METADATA} is not as it is written"
+        problem = f"its Metadata {byte_layout.LOG_METADATA} is not as it is written"
     return header, start + len(expected), problem
 
 

@@ -14,16 +14,8 @@ from pathlib import Path, PurePath
 from semmap_log.core.io.disk import TEMPORARY_SUFFIX
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogAccessError
+from semmap_log.store import byte_layout
 from semmap_log.store.bag_metadata import ClosedSegment, bag_metadata_text, listed_names
-from semmap_log.store.byte_layout import (
-    BAG_METADATA_NAME,
-    NO_HASH,
-    RECOVERING_NAME,
-    REMOVED_NAME,
-    TORN_SUFFIX,
-    is_named_as_part,
-    number_in,
-)
 from semmap_log.store.closed_mark import ClosedMark
 from semmap_log.store.folder import not_a_folder
 from semmap_log.store.removed_part import RemovedPart
@@ -126,7 +118,8 @@ def _take_removed(found: FolderFiles) -> None:
         return
     ours = (first.header.info, first.header.first_event, first.header.hash_so_far)
     if ours != (told.header.info, told.next_event, told.head):
-        text = f"it does not begin where the segments in {REMOVED_NAME} end: one is of another copy"
+        removed = byte_layout.REMOVED_NAME
+        text = f"it does not begin where the segments in {removed} end: one is of another copy"
         found.findings.append(_damage("removed", first.path, text))
         return
     del found.missing[first.number]
@@ -136,7 +129,7 @@ def _take_removed(found: FolderFiles) -> None:
         f"{counted(many, 'segment')}, to event {told.next_event - 1}, were removed here once they "
         f"were shipped; they were not verified now: {command_line('verify', part.url)}"
     )
-    path = found.folder / REMOVED_NAME
+    path = found.folder / byte_layout.REMOVED_NAME
     found.findings.append(
         Finding("removed", Severity.NOTE, path, None, (0, told.next_event - 1), text)
     )
@@ -152,26 +145,27 @@ def bag_metadata_findings(found: FolderFiles, closed: list[ClosedSegment] | None
         found: The log's files.
         closed: What their own bytes say of the closed segments; None: not all can be read.
     """
-    path, text = found.folder / BAG_METADATA_NAME, found.place.bag_metadata()
+    listing = byte_layout.BAG_METADATA_NAME
+    path, text = found.folder / listing, found.place.bag_metadata()
     findings: list[Finding] = []
     if text is None:
         return findings
     for name in listed_names(text):
         if name not in found.listed or found.mark is not None:
             continue
-        number = number_in(name)
+        number = byte_layout.number_in(name)
         present = next((s for s in found.segments if s.path.name == name), None)
         if present is not None and not present.is_closed:
-            problem = f"{BAG_METADATA_NAME} names it as closed, but no footer ends it: it was cut"
+            problem = f"{listing} names it as closed, but no footer ends it: it was cut"
             findings.append(_damage("shortened", present.path, problem))
         is_known = number is None or found.has(number) or found.lacks(number)
         if present is None and not is_known:
-            problem = f"{BAG_METADATA_NAME} names it, but it is missing: the log's tail was cut"
+            problem = f"{listing} names it, but it is missing: the log's tail was cut"
             findings.append(_damage("missing", found.folder / name, problem))
     expected = bag_metadata_text(closed) if closed else ""
     if closed is not None and text != expected and not findings:
         problem = (
-            f"{BAG_METADATA_NAME}, which other tools use to open the folder, does not describe the "
+            f"{listing}, which other tools use to open the folder, does not describe the "
             "closed segments; the next writer rewrites it"
         )
         findings.append(Finding("metadata", Severity.WARNING, path, None, None, problem))
@@ -262,7 +256,7 @@ def _has_name_of_part(path: PurePath, whole: SegmentFile) -> bool:
     """Return whether a file has the name of a segment that was merged into that one."""
     if whole.header is None:
         return False
-    return is_named_as_part(path.name, whole.path.name, whole.number, whole.last_number)
+    return byte_layout.is_named_as_part(path.name, whole.path.name, whole.number, whole.last_number)
 
 
 def merged_finding(path: PurePath, *, is_whole: bool) -> Finding:
@@ -278,11 +272,11 @@ def _notes(names: list[PurePath]) -> list[Finding]:
     """Return the harmless files next to the segments."""
     findings = []
     for path in names:
-        if TORN_SUFFIX in path.name:
+        if byte_layout.TORN_SUFFIX in path.name:
             text = "a torn tail that a crash left after the last whole commit; you may remove it"
         elif path.name.startswith(".") and path.name.endswith(TEMPORARY_SUFFIX):
             text = "a file that a writer did not finish; the next one removes it"
-        elif path.name == RECOVERING_NAME:
+        elif path.name == byte_layout.RECOVERING_NAME:
             line = command_line("recover", path.parent)
             text = f"a recovery was interrupted at its last step; to finish it: {line}"
         else:
@@ -380,7 +374,7 @@ class Verification:
     """That were compared with the replay."""
     size: int = 0
     """Bytes that were read."""
-    head: bytes = NO_HASH
+    head: bytes = byte_layout.NO_HASH
     """Hash of the last commit: kept elsewhere, it proves that nothing was cut off."""
     events_after_head: int | None = None
     """How many events came after the given head; None: none was given, or it was not found."""

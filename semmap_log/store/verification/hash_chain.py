@@ -17,15 +17,7 @@ from typing import Any
 from semmap_log.core.messages import layout, read_message, type_name
 from semmap_log.core.model.commits import Commit, Durability, Note
 from semmap_log.core.texts import counted
-from semmap_log.store.byte_layout import (
-    COMMIT_CHANNEL,
-    HASH_BYTES,
-    KEYFRAME_CHANNEL,
-    NO_HASH,
-    NOTE_CHANNEL,
-    TOMBSTONE_CHANNEL,
-    kind_of_channel,
-)
+from semmap_log.store import byte_layout
 from semmap_log.store.commit_records import commit_hash
 from semmap_log.store.gone_commands import Tombstone, TombstoneSum
 from semmap_log.store.header import SegmentHeader, Unbound
@@ -151,7 +143,7 @@ class Chain:
             keep_parts: Whether commits keep the places of their records.
         """
         self.next_event = 0
-        self.head = NO_HASH
+        self.head = byte_layout.NO_HASH
         self.commits = 0
         self.events = 0
         self.last_ns = -1
@@ -227,11 +219,11 @@ class Chain:
         records = piece.records
         for i, message in enumerate(piece.messages):
             channel, _, _, _, start, end = message
-            if channel == KEYFRAME_CHANNEL:
+            if channel == byte_layout.KEYFRAME_CHANNEL:
                 self._keyframe(piece, message)
-            elif channel == TOMBSTONE_CHANNEL and self._is_trimmed:
+            elif channel == byte_layout.TOMBSTONE_CHANNEL and self._is_trimmed:
                 self._tombstone(piece, records[start:end], message[2])
-            elif channel == COMMIT_CHANNEL:
+            elif channel == byte_layout.COMMIT_CHANNEL:
                 self._commit(piece, i, records[start:end])
             else:
                 self._add_to_commit(piece, i, records[start:end])
@@ -266,7 +258,7 @@ class Chain:
         last = self.last_ns
         is_rising = True
         for channel, _, time, *_ in piece.messages:
-            may_repeat = channel in (KEYFRAME_CHANNEL, TOMBSTONE_CHANNEL)
+            may_repeat = channel in (byte_layout.KEYFRAME_CHANNEL, byte_layout.TOMBSTONE_CHANNEL)
             is_rising &= time > last or (time == last and may_repeat)
             last = time
         if not is_rising:
@@ -296,11 +288,11 @@ class Chain:
         if self._is_trimmed:
             pending.kept[channel] += 1
         expected = pending.next_event
-        if channel == NOTE_CHANNEL:
+        if channel == byte_layout.NOTE_CHANNEL:
             pending.note = self._note(pending, record)
             if (sequence - expected + 1) % SEQUENCE_RANGE or log_ns != publish_ns:
                 pending.wrong("a note that is not of its last event")
-        elif kind_of_channel(channel) is None:
+        elif byte_layout.kind_of_channel(channel) is None:
             pending.wrong(f"a message on the unknown channel {channel}")
         elif (sequence - expected) % SEQUENCE_RANGE:
             pending.wrong(f"expected event {expected}, got one with the sequence {sequence}")
@@ -320,7 +312,9 @@ class Chain:
         """Return how many events are not there before a record of a trimmed segment."""
         if not self._is_trimmed:
             return 0
-        expected = pending.next_event - (channel in (NOTE_CHANNEL, COMMIT_CHANNEL))
+        expected = pending.next_event - (
+            channel in (byte_layout.NOTE_CHANNEL, byte_layout.COMMIT_CHANNEL)
+        )
         return max(0, self.number_of(sequence) - expected)
 
     def _tombstone(self, piece: Piece, record: bytes | memoryview, time_ns: int) -> None:
@@ -377,9 +371,9 @@ class Chain:
         begun, offset = self._pending is not None, piece.stored.offset
         self._pending = None
         _, sequence, log_ns, publish_ns, *_ = piece.messages[i]
-        pending.skipped += (gap := self._gap(pending, COMMIT_CHANNEL, sequence))
+        pending.skipped += (gap := self._gap(pending, byte_layout.COMMIT_CHANNEL, sequence))
         digests = _digests_as_written(pending)
-        pending.add(COMMIT_CHANNEL, record, log_ns, gap)
+        pending.add(byte_layout.COMMIT_CHANNEL, record, log_ns, gap)
         said = _fields_of(record)
         if said is None:
             self.wrong("commit", self._path, offset, "a Commit record that cannot be read")
@@ -393,7 +387,7 @@ class Chain:
                 pending.wrong("its tombstone is of other events")
         lacking = {part.channel for part in pending.tombstone.parts} if pending.tombstone else set()
         is_blank = not pending.note and pending.note.salt == bytes(16)
-        if NOTE_CHANNEL in lacking and not is_blank:
+        if byte_layout.NOTE_CHANNEL in lacking and not is_blank:
             pending.wrong("its note was taken out, and words are there")
         if (first, count) != (pending.first_event, pending.count + gone) or pending.skipped != gone:
             got = f"{pending.count} from {pending.first_event} on"
@@ -403,7 +397,7 @@ class Chain:
             pending.wrong("a commit without events")
         if (sequence - first - count + 1) % SEQUENCE_RANGE or log_ns != publish_ns:
             pending.wrong("its Commit record lacks its last event's number and time")
-        if commit_hash(record, digests) != bytes(record[-HASH_BYTES:]):
+        if commit_hash(record, digests) != bytes(record[-byte_layout.HASH_BYTES :]):
             pending.wrong("its hash is not that of its records")
         if said["durable_before"] > first:
             pending.wrong("it calls events durable that come after it")
@@ -416,7 +410,9 @@ class Chain:
         commit = Commit(
             recorded_ns=log_ns - count - has_note, closed_ns=log_ns, note=pending.note, **said
         )
-        loose = sum(pending.kept[channel] for channel in lacking if channel != NOTE_CHANNEL)
+        loose = sum(
+            pending.kept[channel] for channel in lacking if channel != byte_layout.NOTE_CHANNEL
+        )
         whole = ValidCommit(
             commit, pending.parts, pending.count, has_note, loose, pending.tombstone
         )
@@ -463,7 +459,7 @@ def _digests_as_written(pending: _Pending) -> dict[int, bytes]:
     """Return the digest of each channel of a commit, of what is gone by its tombstone."""
     digests = {channel: digest.digest() for channel, digest in pending.digests.items()}
     for part in () if pending.tombstone is None else pending.tombstone.parts:
-        if digests.get(part.channel, NO_HASH) != part.kept_digest:
+        if digests.get(part.channel, byte_layout.NO_HASH) != part.kept_digest:
             pending.wrong("what is left of it differs from its tombstone")
         digests[part.channel] = part.digest
     return digests

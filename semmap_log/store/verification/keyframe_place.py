@@ -16,18 +16,12 @@ from typing import Protocol
 from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import LogAccessError, LogError, ObjectChangedError
+from semmap_log.store import closed_mark
 from semmap_log.store.byte_layout import (
     BAG_METADATA_NAME,
     MANIFEST_NAME,
     MOST_LIST_BYTES,
     mark_names,
-)
-from semmap_log.store.closed_mark import (
-    MOST_BYTES,
-    ClosedMark,
-    last_mark,
-    mark_in,
-    those_that_count,
 )
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.manifest import (
@@ -105,7 +99,7 @@ class DiskAndStorePlace:
         """Return whether it is a folder now."""
         return self._disk.is_folder()
 
-    def mark(self) -> ClosedMark | None:
+    def mark(self) -> closed_mark.ClosedMark | None:
         """Return what the last mark says; as `FilePlace.mark`."""
         return self._disk.mark()
 
@@ -310,17 +304,17 @@ class ObjectPlace:
         with self._files.opened(status) as opened:
             yield opened
 
-    def mark(self) -> ClosedMark | None:
+    def mark(self) -> closed_mark.ClosedMark | None:
         """Return what the last mark says; as `FilePlace.mark`."""
         self._manifest = read_manifest(self._store, self._manifest)
         if self._manifest is not None:
             return self._manifest.manifest.mark
         names = mark_names(status.name for status in log_objects(self._store))
-        return last_mark(those_that_count(names), self._read_mark)
+        return closed_mark.last_mark(closed_mark.those_that_count(names), self._read_mark)
 
-    def _read_mark(self, name: str) -> ClosedMark | None:
-        data = self._whole(name, MOST_BYTES)
-        return None if data is None else mark_in(data, self.path / name)
+    def _read_mark(self, name: str) -> closed_mark.ClosedMark | None:
+        data = self._whole(name, closed_mark.MOST_BYTES)
+        return None if data is None else closed_mark.mark_in(data, self.path / name)
 
     def removed(self) -> None:
         """Return none: nothing is removed from a store by a list of ours."""

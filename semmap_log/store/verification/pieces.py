@@ -20,14 +20,8 @@ from mcap.records import Channel, ChunkIndex, Schema
 
 from semmap_log.core.io.checksum import crc32
 from semmap_log.core.messages import layout
+from semmap_log.store import byte_layout
 from semmap_log.store import records as mcap
-from semmap_log.store.byte_layout import (
-    COMMIT_CHANNEL,
-    FLOOR_MAP_CHANNEL,
-    LAST_EVENT_CHANNEL,
-    ZSTD_LEVEL,
-    floor_map_topic,
-)
 from semmap_log.store.chunks import NO_SPAN, StoredChunk, read_chunk_head
 from semmap_log.store.header import SegmentHeader
 from semmap_log.store.newer import Newer, is_later_kind
@@ -156,12 +150,14 @@ class SegmentWalk:
         levels: list[int] = []
         while at + _NUMBERED.size <= len(self.file):
             opcode, _, channel = _NUMBERED.unpack(self.file[at : at + _NUMBERED.size])
-            if opcode != Opcode.CHANNEL or channel <= FLOOR_MAP_CHANNEL:
+            if opcode != Opcode.CHANNEL or channel <= byte_layout.FLOOR_MAP_CHANNEL:
                 break
-            data = mcap.record(channel_record(floor_map_topic(channel - FLOOR_MAP_CHANNEL)))
+            data = mcap.record(
+                channel_record(byte_layout.floor_map_topic(channel - byte_layout.FLOOR_MAP_CHANNEL))
+            )
             if self.file[at : at + len(data)] != data:
                 break
-            levels.append(channel - FLOOR_MAP_CHANNEL)
+            levels.append(channel - byte_layout.FLOOR_MAP_CHANNEL)
             at += len(data)
         return levels, at
 
@@ -197,7 +193,7 @@ def _durable_before(piece: Piece) -> Iterator[int]:
     commit = layout("Commit")
     for channel, _, _, _, begin, end in piece.messages:
         data = piece.records[begin + mcap.MESSAGE.size : end]
-        if channel == COMMIT_CHANNEL and len(data) == commit.dtype.itemsize:
+        if channel == byte_layout.COMMIT_CHANNEL and len(data) == commit.dtype.itemsize:
             yield commit.unpack(data)["durable_before"]
 
 
@@ -250,7 +246,11 @@ class Piece:
     @property
     def levels(self) -> list[int]:
         """The levels whose floor map is in it, ascending."""
-        return [c - FLOOR_MAP_CHANNEL for c in self.counts if c >= FLOOR_MAP_CHANNEL]
+        return [
+            c - byte_layout.FLOOR_MAP_CHANNEL
+            for c in self.counts
+            if c >= byte_layout.FLOOR_MAP_CHANNEL
+        ]
 
     def is_compressed_as_usual(self, file: FileBytes) -> bool:
         """Return whether its stored bytes are those that this zstd makes of its records.
@@ -262,7 +262,7 @@ class Piece:
         stored = self.stored
         if stored.compression != "zstd":
             return True
-        usual = zstandard.ZstdCompressor(level=ZSTD_LEVEL).compress(self.records)
+        usual = zstandard.ZstdCompressor(level=byte_layout.ZSTD_LEVEL).compress(self.records)
         return bool(file[stored.data_offset : stored.data_offset + stored.stored_size] == usual)
 
     def chunk_index(self) -> ChunkIndex:
@@ -307,7 +307,9 @@ def examine(file: FileBytes, offset: int, length: int) -> Piece:
         raise ChunkDamage("a chunk without messages")
     log_times = [m[2] for m in messages]
     happened = [
-        min(m[2], m[3]) for m in messages if m[0] <= LAST_EVENT_CHANNEL or m[0] >= FLOOR_MAP_CHANNEL
+        min(m[2], m[3])
+        for m in messages
+        if m[0] <= byte_layout.LAST_EVENT_CHANNEL or m[0] >= byte_layout.FLOOR_MAP_CHANNEL
     ]
     entries: dict[int, list[int]] = {}
     for channel, _, log_time, _, start, _ in messages:

@@ -25,13 +25,7 @@ from semmap_log.store.newer import NOTHING_NEWER, is_later_kind
 from semmap_log.store.newer import name_of as name_of_kind
 from semmap_log.store.records import MESSAGE
 from semmap_log.store.removed_part import rest_of_environment
-from semmap_log.store.verification.closing import (
-    Contents,
-    closing_flaws,
-    is_torn_closing,
-    is_whole_closing,
-    summary_flaws,
-)
+from semmap_log.store.verification import closing, hash_chain, keyframe_place
 from semmap_log.store.verification.file_heads import SegmentFile, bytes_of, first_bytes, name_of
 from semmap_log.store.verification.file_place import DiskPlace, FileBytes, FilePlace, Vanished
 from semmap_log.store.verification.findings import (
@@ -44,19 +38,6 @@ from semmap_log.store.verification.findings import (
     bag_metadata_findings,
     mark_findings,
     merged_finding,
-)
-from semmap_log.store.verification.hash_chain import (
-    Chain,
-    GoneCommits,
-    OnCommit,
-    OnGone,
-    ValidCommit,
-)
-from semmap_log.store.verification.keyframe_place import (
-    DiskAndStorePlace,
-    KeyframePlace,
-    NewKeyframeCheck,
-    ObjectPlace,
 )
 from semmap_log.store.verification.pieces import Flaw, Gap, Piece, SegmentWalk
 
@@ -72,7 +53,7 @@ _ATTEMPTS = 5
 
 def verify(
     path: PurePath | FilePlace,
-    new_check: NewKeyframeCheck,
+    new_check: keyframe_place.NewKeyframeCheck,
     head: bytes | None = None,
     progress: Progress | None = None,
     *,
@@ -99,10 +80,10 @@ def verify(
     if isinstance(path, PurePath):
         path = place_of(path)
     if isinstance(path, UrlPath):
-        path = ObjectPlace(ObjectStore(path))
+        path = keyframe_place.ObjectPlace(ObjectStore(path))
     rest_at = rest_of_environment()
     if isinstance(path, Path) and path.is_dir() and rest_at is not None:
-        path = DiskAndStorePlace(path, ObjectStore(rest_at))
+        path = keyframe_place.DiskAndStorePlace(path, ObjectStore(rest_at))
     for _ in range(_ATTEMPTS):
         with suppress(Vanished):
             return Verifier(path, new_check, head, progress, ends=ends).run()
@@ -116,12 +97,12 @@ class Verifier:
     def __init__(
         self,
         path: Path | FilePlace,
-        new_check: NewKeyframeCheck,
+        new_check: keyframe_place.NewKeyframeCheck,
         head: bytes | None = None,
         progress: Progress | None = None,
-        on_commit: OnCommit | None = None,
+        on_commit: hash_chain.OnCommit | None = None,
         *,
-        on_gone: OnGone | None = None,
+        on_gone: hash_chain.OnGone | None = None,
         keep_parts: bool = False,
         ends: Collection[int] = (),
     ) -> None:
@@ -139,7 +120,7 @@ class Verifier:
         """
         self._place = DiskPlace(path) if isinstance(path, Path) else path
         self.path = self._place.path
-        self.chain = Chain(
+        self.chain = hash_chain.Chain(
             self._report, self._commit, on_gone=self._run_gone, keep_parts=keep_parts
         )
         self.arrangement = FolderFiles(self._place)
@@ -217,7 +198,7 @@ class Verifier:
         self._current, self._at = file.path, i
         is_last = i == len(self.arrangement.segments) - 1
         is_live = is_last and not file.is_closed
-        contents = Contents(file.header_end, file.header, is_complete=file.header_end > 0)
+        contents = closing.Contents(file.header_end, file.header, is_complete=file.header_end > 0)
         self._check_place(file, contents)
         with bytes_of(self._place, file) as data:
             self._bytes += len(data)
@@ -239,7 +220,7 @@ class Verifier:
             self._breaks = self.chain.breaks
             self._keyframes.forget()
 
-    def _check_place(self, file: SegmentFile, contents: Contents) -> None:
+    def _check_place(self, file: SegmentFile, contents: closing.Contents) -> None:
         """Check what the head says, and that nothing is missing before it."""
         missing_from = self.arrangement.missing.get(file.number)
         if missing_from is not None and self.path != file.path:
@@ -259,13 +240,15 @@ class Verifier:
         if self._is_trimmed:
             self._keyframes.forget()
 
-    def _chunks(self, i: int, walk: SegmentWalk, contents: Contents, *, is_live: bool) -> bool:
+    def _chunks(
+        self, i: int, walk: SegmentWalk, contents: closing.Contents, *, is_live: bool
+    ) -> bool:
         """Take all chunks of a segment; return False where the rest of it is a torn tail."""
         chain, path = self.chain, self._current
         for item in walk:
             if isinstance(item, Piece):
                 self._note_newer(item, walk)
-                self._piece(item, KeyframePlace(i, item.stored.offset))
+                self._piece(item, keyframe_place.KeyframePlace(i, item.stored.offset))
                 if is_live and not item.is_compressed_as_usual(walk.file):
                     self._report(_unusual(path, item.stored.offset))
                 contents.add(item)
@@ -287,7 +270,7 @@ class Verifier:
                 self._keyframes.forget()
         return True
 
-    def _piece(self, piece: Piece, place: KeyframePlace) -> None:
+    def _piece(self, piece: Piece, place: keyframe_place.KeyframePlace) -> None:
         expected, breaks = self.chain.next_event, self._breaks
         self.chain.add(piece)
         self._breaks = self.chain.breaks
@@ -356,27 +339,31 @@ class Verifier:
         return False
 
     def _end_of_segment(
-        self, file: SegmentFile, walk: SegmentWalk, contents: Contents, *, is_live: bool
+        self, file: SegmentFile, walk: SegmentWalk, contents: closing.Contents, *, is_live: bool
     ) -> None:
         data, at = walk.file, walk.pieces_end
         if is_live:
             self._end_of_live(walk, contents)
-        elif contents.is_complete and not file.is_closed and is_whole_closing(data, at, contents):
-            self._report_all(closing_flaws(data, at, contents))
+        elif (
+            contents.is_complete
+            and not file.is_closed
+            and closing.is_whole_closing(data, at, contents)
+        ):
+            self._report_all(closing.closing_flaws(data, at, contents))
         elif not file.is_closed:
             text = "segments follow it, so it was closed once, but no footer ends it: it was cut"
             self.chain.wrong("shortened", file.path, at, text)
         elif not contents.is_complete:
-            self._report_all(summary_flaws(data))
+            self._report_all(closing.summary_flaws(data))
         elif data[at : at + 1] == bytes([Opcode.METADATA]):
-            self._report_all(closing_flaws(data, at, contents))
+            self._report_all(closing.closing_flaws(data, at, contents))
             self._closed.append(contents.closed_segment(file.path.name))
             self._entries.append(contents.manifest_entry(file.path.name, len(data)))
         else:
             self.chain.wrong("chunk", file.path, at, walk.problem)
-            self._report_all(summary_flaws(data))
+            self._report_all(closing.summary_flaws(data))
 
-    def _end_of_live(self, walk: SegmentWalk, contents: Contents) -> None:
+    def _end_of_live(self, walk: SegmentWalk, contents: closing.Contents) -> None:
         data, at = walk.file, walk.pieces_end
         unfinished = self.chain.forget_unfinished()
         if at <= walk.head_end:
@@ -387,10 +374,10 @@ class Verifier:
                 events = counted(unfinished, "event")
                 text = f"a commit that was not finished: {events} without a Commit"
                 self._torn(at, at, text)
-        elif contents.is_complete and is_torn_closing(data, at, contents):
+        elif contents.is_complete and closing.is_torn_closing(data, at, contents):
             self._torn(at, len(data), "the closing was not finished")
-        elif contents.is_complete and is_whole_closing(data, at, contents):
-            self._report_all(closing_flaws(data, at, contents))
+        elif contents.is_complete and closing.is_whole_closing(data, at, contents):
+            self._report_all(closing.closing_flaws(data, at, contents))
         else:
             self._torn(at, len(data), walk.problem)
 
@@ -398,7 +385,7 @@ class Verifier:
         """Read segments that were merged into others: their last hash must come again there."""
         for file in files:
             found: list[Finding] = []
-            chain = Chain(found.append)
+            chain = hash_chain.Chain(found.append)
             if file.header is not None:
                 chain.start_at(file.header)
             with bytes_of(self._place, file) as data:
@@ -408,7 +395,7 @@ class Verifier:
                 self._merged[chain.next_event - 1] = (file.path, chain.head)
             self.findings.append(merged_finding(file.path, is_whole=not (found or flaws)))
 
-    def _commit(self, whole: ValidCommit) -> None:
+    def _commit(self, whole: hash_chain.ValidCommit) -> None:
         commit = whole.commit
         mark = self.arrangement.mark
         if mark is not None and mark.next_event == commit.last_event + 1:
@@ -441,7 +428,7 @@ class Verifier:
             chain.head, commits, self._recorded_ns, chain.unbound.digest, chain.unvouched
         )
 
-    def _run_gone(self, commits: GoneCommits) -> None:
+    def _run_gone(self, commits: hash_chain.GoneCommits) -> None:
         """Note which of the requested ends lie within whole commits that are gone."""
         gone = commits.tombstone
         self._recorded_ns = None
@@ -558,7 +545,7 @@ class Verifier:
             notes_gone=chain.taken_out.notes,
         )
 
-    def _reread(self, place: KeyframePlace) -> Iterator[Piece]:
+    def _reread(self, place: keyframe_place.KeyframePlace) -> Iterator[Piece]:
         """Yield the chunks from a place on, which were read before and were whole."""
         for i in range(place.file, len(self.arrangement.segments)):
             file = self.arrangement.segments[i]
@@ -597,11 +584,13 @@ def _log_of(told: HistoryTrimmed) -> str:
     return told.tombstones.partition(":")[0]
 
 
-def _flaws_of_merged(file: SegmentFile, data: FileBytes, chain: Chain) -> list[Flaw | Gap]:
+def _flaws_of_merged(
+    file: SegmentFile, data: FileBytes, chain: hash_chain.Chain
+) -> list[Flaw | Gap]:
     """Take the chunks of a segment that was merged into another; return what is not as written."""
     if file.header is None:
         return [Flaw("header", 0, file.problem)]
-    contents = Contents(file.header_end, file.header)
+    contents = closing.Contents(file.header_end, file.header)
     flaws: list[Flaw | Gap] = [Flaw("header", 0, file.problem)] if file.problem else []
     walk = SegmentWalk(data, file.header_end, file.header)
     for item in walk:
@@ -611,7 +600,7 @@ def _flaws_of_merged(file: SegmentFile, data: FileBytes, chain: Chain) -> list[F
         else:
             flaws.append(item)
     contents.header = walk.header
-    return flaws or list(closing_flaws(data, walk.pieces_end, contents))
+    return flaws or list(closing.closing_flaws(data, walk.pieces_end, contents))
 
 
 def _unusual(path: PurePath, offset: int) -> Finding:

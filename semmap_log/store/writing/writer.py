@@ -26,12 +26,7 @@ from semmap_log.store.header import SegmentHeader
 from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.segment import SegmentWriter
-from semmap_log.store.writing.durability import (
-    SYNC_FAILED,
-    BatchTimer,
-    DurabilityPolicy,
-    SharedSync,
-)
+from semmap_log.store.writing import durability
 from semmap_log.store.writing.keyframe_source import KeyframeSource, keyframe_chunk
 from semmap_log.store.writing.segment_chain import CommandMemory, LogEnd, SegmentChain
 
@@ -40,7 +35,7 @@ from semmap_log.store.writing.segment_chain import CommandMemory, LogEnd, Segmen
 class Environment:
     """What a writer takes from the machine, and what it promises; tests give their own."""
 
-    policy: DurabilityPolicy = field(default_factory=DurabilityPolicy)
+    policy: durability.DurabilityPolicy = field(default_factory=durability.DurabilityPolicy)
     clock: Clock = field(default_factory=SystemClock)
     entropy: Entropy = os.urandom
     compacts: bool = True
@@ -87,8 +82,8 @@ class LogWriter:
         )
         self._keyframes: KeyframeSource
         """Given when the log is begun, or taken up."""
-        self._syncs = SharedSync()
-        self._timer = BatchTimer(self.sync, policy.batch_s)
+        self._syncs = durability.SharedSync()
+        self._timer = durability.BatchTimer(self.sync, policy.batch_s)
         self._holds_back = policy.level is Durability.NONE
         self._poison = ""
         """Why nothing more may be written; empty as long as every write and sync went well."""
@@ -385,7 +380,7 @@ class LogWriter:
         if self._in_commit:
             self._poisoned("interrupted in the middle of a commit")
         if self._syncs.is_broken:
-            self._poison = self._poison or f"{self.folder.path}: {SYNC_FAILED}"
+            self._poison = self._poison or f"{self.folder.path}: {durability.SYNC_FAILED}"
         if self._poison:
             raise LogPoisonedError(self._poison)
         if not self._open:

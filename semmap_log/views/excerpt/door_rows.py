@@ -15,27 +15,9 @@ from numpy.typing import NDArray
 
 from semmap_log.analysis.costmap_2d.costs import FREE_SPACE, NO_INFORMATION, DoorLine
 from semmap_log.analysis.costmaps.door_layer_fold import cost_of_state
-from semmap_log.core.folds.door_changes import (
-    CHANGE,
-    EVERYTHING,
-    THERE,
-    Changes,
-    Stamp,
-    is_before,
-    of_presence,
-)
+from semmap_log.core.folds import door_changes
 from semmap_log.core.folds.door_map import DoorMapState
-from semmap_log.core.model.doors import (
-    DOOR,
-    OUTLINE,
-    Corners,
-    Door,
-    DoorId,
-    DoorState,
-    Geometry,
-    ObjectClass,
-    parse_outline,
-)
+from semmap_log.core.model import doors as door_model
 from semmap_log.core.model.events import DoorAdded
 from semmap_log.core.model.meaning import FIELDS, PART_OF, PARTS, PLACING, Presence
 
@@ -47,15 +29,15 @@ PROBABILITIES = ("prob_open", "prob_closed")
 class DoorPicture:
     """Rows to draw for one door, each with all its values from then on."""
 
-    states: Changes
+    states: door_changes.Changes
     """One a state."""
-    placements: Changes
+    placements: door_changes.Changes
     """One row a place; NaN: it has no place."""
-    probabilities: Changes
+    probabilities: door_changes.Changes
     """One row a point of the curves; NaN where not given."""
-    removals: Changes
+    removals: door_changes.Changes
     """When it leaves the map."""
-    returns: Changes
+    returns: door_changes.Changes
     """When it enters the map, or returns to it."""
 
 
@@ -67,15 +49,15 @@ class DoorFold:
     """
 
     def __init__(self) -> None:
-        self.last: Changes = np.zeros(1, CHANGE)
+        self.last: door_changes.Changes = np.zeros(1, door_changes.CHANGE)
         """One row: the values after the last event taken."""
         self.last["state"] = NO_STATE
         for name in PART_OF:
-            if CHANGE[name].kind == "f":
+            if door_changes.CHANGE[name].kind == "f":
                 self.last[name] = np.nan
         self.is_there = False
 
-    def take(self, changes: Changes) -> DoorPicture:
+    def take(self, changes: door_changes.Changes) -> DoorPicture:
         """Return what the next events draw.
 
         Args:
@@ -96,7 +78,7 @@ class DoorFold:
             returns=rows[appears],
         )
 
-    def _fill_forward(self, rows: Changes) -> Changes:
+    def _fill_forward(self, rows: door_changes.Changes) -> door_changes.Changes:
         """Give each row the values that it does not set; return those before each row."""
         for part, names in PARTS.items():
             sets = (rows["sets"] & int(part)) != 0
@@ -110,10 +92,12 @@ class DoorFold:
             self.last = rows[-1:].copy()
         return before
 
-    def _presence(self, changes: Changes) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def _presence(
+        self, changes: door_changes.Changes
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return for each row whether the door exists after it, and whether it existed before."""
-        sets = np.flatnonzero((changes["sets"] & THERE) != 0)
-        brings = np.append(self.is_there, ~of_presence(changes[sets], Presence.GOES))
+        sets = np.flatnonzero((changes["sets"] & door_changes.THERE) != 0)
+        brings = np.append(self.is_there, ~door_changes.of_presence(changes[sets], Presence.GOES))
         place = np.searchsorted(sets, np.arange(len(changes)), "right")
         there: NDArray[np.bool_] = brings[place]
         was_there = np.append(self.is_there, there)[: len(changes)]
@@ -122,7 +106,9 @@ class DoorFold:
         return there, was_there
 
 
-def _differs(rows: Changes, before: Changes, names: Iterable[str]) -> NDArray[np.bool_]:
+def _differs(
+    rows: door_changes.Changes, before: door_changes.Changes, names: Iterable[str]
+) -> NDArray[np.bool_]:
     """Return which rows differ in value from the rows before them; NaN equals NaN."""
     found = np.zeros(len(rows), np.bool_)
     for name in names:
@@ -140,24 +126,26 @@ _DIAMOND = ((POINT_M, 0.0), (0.0, POINT_M), (-POINT_M, 0.0), (0.0, -POINT_M))
 class ObjectShape:
     """What an object looks like, wherever it is put."""
 
-    object_class: ObjectClass = DOOR
-    outline: Corners = ()
+    object_class: door_model.ObjectClass = door_model.DOOR
+    outline: door_model.Corners = ()
     """Of a polygon, in its own frame, metres; empty: unknown."""
 
     @property
     def is_line(self) -> bool:
         """Whether it is a line, such as a door, that stands in a wall."""
-        return self.object_class.geometry is Geometry.SEGMENT
+        return self.object_class.geometry is door_model.Geometry.SEGMENT
 
-    def strips(self, placements: Changes) -> NDArray[np.float32]:
+    def strips(self, placements: door_changes.Changes) -> NDArray[np.float32]:
         """Return its lines, float32 (rows, points, x and y), metres, frame `map`."""
-        corners = self.outline if self.object_class.geometry is Geometry.POLYGON else _DIAMOND
+        corners = (
+            self.outline if self.object_class.geometry is door_model.Geometry.POLYGON else _DIAMOND
+        )
         if self.is_line or not corners:
             return strips_of(placements)
         with np.errstate(over="ignore"):  # as in `strips_of`
             return _seen_from(placements, np.array([*corners, corners[0]])).astype(np.float32)
 
-    def points(self, placements: Changes) -> NDArray[np.float64]:
+    def points(self, placements: door_changes.Changes) -> NDArray[np.float64]:
         """Return the corners of its extent, (points, x and y), metres, frame `map`."""
         if self.outline:
             return _seen_from(placements, np.array(self.outline)).reshape(-1, 2)
@@ -170,7 +158,7 @@ class ObjectShape:
         """Return its line or outline in a costmap, without a cost of its own."""
         x, y, theta, width = (float(placement[name]) for name in ("x", "y", "theta", "width"))
         width = width if self.is_line else 0.0
-        corners: Corners = ()
+        corners: door_model.Corners = ()
         if self.outline:
             seen = _seen_from(placement[None], np.array(self.outline))[0]
             corners = tuple((float(corner[0]), float(corner[1])) for corner in seen)
@@ -179,7 +167,9 @@ class ObjectShape:
     def costs(self) -> NDArray[np.uint8]:
         """Return the cost of each of its states: uint8 (256,)."""
         costs = np.full(256, NO_INFORMATION, np.uint8)
-        costs[: len(DoorState)] = [cost_of_state(state, self.object_class) for state in DoorState]
+        costs[: len(door_model.DoorState)] = [
+            cost_of_state(state, self.object_class) for state in door_model.DoorState
+        ]
         if not self.is_line:
             costs[costs == FREE_SPACE] = NO_INFORMATION
         return costs
@@ -188,21 +178,23 @@ class ObjectShape:
 AS_A_DOOR = ObjectShape()
 
 
-def shapes_of(state: DoorMapState) -> Mapping[DoorId, ObjectShape]:
+def shapes_of(state: DoorMapState) -> Mapping[door_model.DoorId, ObjectShape]:
     """Return the shapes of all objects other than doors, removed ones included."""
     objects = state.objects()
-    said = state.since_added(OUTLINE) if objects else {}
+    said = state.since_added(door_model.OUTLINE) if objects else {}
     return {i: ObjectShape(one, _outline(said.get(i, ""))) for i, one in objects.items()}
 
 
-def _outline(text: str) -> Corners:
+def _outline(text: str) -> door_model.Corners:
     try:
-        return parse_outline(text)
+        return door_model.parse_outline(text)
     except ValueError:
         return ()
 
 
-def _seen_from(placements: Changes, corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _seen_from(
+    placements: door_changes.Changes, corners: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return corners of objects, (rows, corners, x and y), in the frame `map`."""
     starts = np.stack([placements["x"], placements["y"]], -1)
     cos, sin = np.cos(placements["theta"])[:, None], np.sin(placements["theta"])[:, None]
@@ -212,8 +204,8 @@ def _seen_from(placements: Changes, corners: NDArray[np.float64]) -> NDArray[np.
     return seen
 
 
-ALWAYS: Stamp = (-1, -1)
-NEVER: Stamp = (2**63 - 1, 2**63 - 1)
+ALWAYS: door_changes.Stamp = (-1, -1)
+NEVER: door_changes.Stamp = (2**63 - 1, 2**63 - 1)
 
 NO_STATE = 255
 
@@ -226,31 +218,31 @@ class RecordingEdge:
     number: int
     recorded_ns: int
 
-    def stamp(self, changes: Changes) -> None:
+    def stamp(self, changes: door_changes.Changes) -> None:
         """Put the rows there."""
         changes["folds_ns"], changes["number"] = self.folds_ns, self.number
         changes["recorded_ns"] = self.recorded_ns
 
 
-def opening_changes(doors: Iterable[Door], begin: RecordingEdge) -> Changes:
+def opening_changes(doors: Iterable[door_model.Door], begin: RecordingEdge) -> door_changes.Changes:
     """Return one row a door with its full state, to begin a recording amid the log."""
     listed = list(doors)
-    opening = np.zeros(len(listed), CHANGE)
-    opening["kind"], opening["sets"] = DoorAdded.kind, EVERYTHING
+    opening = np.zeros(len(listed), door_changes.CHANGE)
+    opening["kind"], opening["sets"] = DoorAdded.kind, door_changes.EVERYTHING
     begin.stamp(opening)
     for name in ("door_id", *FIELDS):
         opening[name] = [getattr(door, name) for door in listed]
     return opening
 
 
-def by_door(changes: Changes) -> Iterator[Changes]:
+def by_door(changes: door_changes.Changes) -> Iterator[door_changes.Changes]:
     """Yield each door's rows, doors ascending, rows in the order they came."""
     if len(changes):
         ordered = changes[np.argsort(changes["door_id"], kind="stable")]
         yield from np.split(ordered, np.flatnonzero(np.diff(ordered["door_id"])) + 1)
 
 
-def sorted_by_stamp(changes: Changes) -> Changes:
+def sorted_by_stamp(changes: door_changes.Changes) -> door_changes.Changes:
     """Return the rows in the order in which they count."""
     return changes[np.lexsort((changes["number"], changes["folds_ns"]))]
 
@@ -259,15 +251,17 @@ def sorted_by_stamp(changes: Changes) -> Changes:
 class DoorLifetime:
     """When a door is in the map, with all that is known."""
 
-    added: Stamp = NEVER
-    removed: Stamp = NEVER
+    added: door_changes.Stamp = NEVER
+    removed: door_changes.Stamp = NEVER
 
-    def covers(self, changes: Changes) -> NDArray[np.bool_]:
+    def covers(self, changes: door_changes.Changes) -> NDArray[np.bool_]:
         """Return for each row whether the door exists, from its addition up to its removal."""
-        return ~is_before(changes, self.added) & is_before(changes, self.removed)
+        return ~door_changes.is_before(changes, self.added) & door_changes.is_before(
+            changes, self.removed
+        )
 
 
-def strips_of(placements: Changes) -> NDArray[np.float32]:
+def strips_of(placements: door_changes.Changes) -> NDArray[np.float32]:
     """Return the doors' lines, float32 (rows, 2 ends, x and y), metres, frame `map`."""
     starts = np.stack([placements["x"], placements["y"]], -1)
     along = np.stack([np.cos(placements["theta"]), np.sin(placements["theta"])], -1)

@@ -20,13 +20,7 @@ from semmap_log.core.model.doors import DoorId, DoorState, reduced
 from semmap_log.core.model.moments import DAY_NS, format_short
 from semmap_log.views.event_words import HasShape, drawable_name, printable
 from semmap_log.views.palette import DEFAULT, PLOT_GRID, Palette, Rgb
-from semmap_log.views.plots.figures import (
-    has_shape,
-    letters_of,
-    new_figure,
-    patches,
-    save_figure,
-)
+from semmap_log.views.plots import figures
 from semmap_log.views.time_axis import WallClock, time_ticks
 from semmap_log.views.zone_times import MS_NS, Span, zone_offsets
 
@@ -128,15 +122,17 @@ def plot_lanes(lanes: Lanes, path: Path, palette: Palette = DEFAULT) -> None:
         FormatError: The name ends in neither .png nor .svg.
         OutputError: The file cannot be written; what was there stays.
     """
-    save_figure(draw_lanes(lanes, palette, letters_of(path)), path)
+    figures.save_figure(draw_lanes(lanes, palette, figures.letters_of(path)), path)
 
 
-def draw_lanes(lanes: Lanes, palette: Palette = DEFAULT, letters: HasShape = has_shape) -> Any:
+def draw_lanes(
+    lanes: Lanes, palette: Palette = DEFAULT, letters: HasShape = figures.has_shape
+) -> Any:
     """Return the figure; a door whose name has a letter without a shape is shown by its id."""
     robots = sorted({each.actor for each in lanes.rounds})
     count = len(robots) + len(lanes.doors)
     lane_in = LOW_LANE_IN if count >= MANY_LANES else TALL_LANE_IN
-    figure = new_figure(WIDE_IN, count * lane_in + HEAD_IN + FOOT_IN, layout="constrained")
+    figure = figures.new_figure(WIDE_IN, count * lane_in + HEAD_IN + FOOT_IN, layout="constrained")
     panel = figure.subplots()
     panel.set_autoscale_on(False)  # it looks at all lanes again for each: minutes
     for place, robot in enumerate(robots):
@@ -242,13 +238,13 @@ def _explain(figure: Any, panel: Any, lanes: Lanes, palette: Palette, *, has_rou
         "unknown (a line)": palette.unknown,
     } | ({"patrol round": palette.robot} if has_rounds else {})  # fmt: skip
     handles = [
-        patches.Patch(color=np.array(colour) / 255, label=label)
+        figures.patches.Patch(color=np.array(colour) / 255, label=label)
         for label, colour in colours.items()
     ]
     if any(len(timeline.lapse_start_ns) for timeline in lanes.doors.values()):
         label = "not seen since (a line in its colour)"
         edge = np.array(palette.open) / 255
-        handles.insert(3, patches.Patch(fill=False, edgecolor=edge, label=label))
+        handles.insert(3, figures.patches.Patch(fill=False, edgecolor=edge, label=label))
     figure.legend(
         handles=handles, loc="outside lower left", ncols=len(handles), fontsize="small",
         frameon=False,

@@ -17,14 +17,7 @@ from semmap_log.core.model.doors import Door
 from semmap_log.core.model.events import FloorMap
 from semmap_log.core.model.moments import SECOND_NS, duration, format_short
 from semmap_log.core.texts import counted
-from semmap_log.views.palette import (
-    PLOT_BARS,
-    PLOT_NOTHING,
-    PLOT_PROPOSED,
-    PLOT_WALLS,
-    PLOT_WORDS,
-    VIRIDIS,
-)
+from semmap_log.views import palette
 from semmap_log.views.plots.figures import mpl, new_figure, patches, save_figure
 from semmap_log.views.plots.room_plans import plan_cells
 
@@ -61,7 +54,7 @@ def plot_patrol(
         for door in doors:
             if door.is_placed and door.level == level:
                 (x0, y0), (x1, y1) = door.start, door.end
-                panel.plot([x0, x1], [y0, y1], color=PLOT_BARS, linewidth=1.5, zorder=2)
+                panel.plot([x0, x1], [y0, y1], color=palette.PLOT_BARS, linewidth=1.5, zorder=2)
         _draw_ways(panel, plan, ways, level)
         for number, stop in enumerate(plan.stops, start=1):
             if stop.place.level == level:
@@ -110,7 +103,7 @@ def _draw_floor(panel: Any, floor: FloorMap | None) -> None:
     if floor is None:
         return
     cells, extent = plan_cells(floor)
-    shades = mpl.colors.ListedColormap(["white", PLOT_NOTHING, PLOT_WALLS])
+    shades = mpl.colors.ListedColormap(["white", palette.PLOT_NOTHING, palette.PLOT_WALLS])
     kinds = np.where(cells >= OCCUPIED_FROM, 2, np.where(cells < 0, 1, 0))
     panel.imshow(kinds, cmap=shades, vmin=0, vmax=2, origin="lower", extent=extent,
                  interpolation="nearest", zorder=0)  # fmt: skip
@@ -122,10 +115,12 @@ def _draw_ways(
     for way in ways:
         for here, there in pairwise(way):
             if here.level == there.level == level:
-                panel.plot([here.x, there.x], [here.y, there.y], color=PLOT_PROPOSED,
+                panel.plot([here.x, there.x], [here.y, there.y], color=palette.PLOT_PROPOSED,
                            linewidth=1.0, alpha=0.6, zorder=3)  # fmt: skip
     if plan.start is not None and plan.start.level == level:
-        panel.plot(plan.start.x, plan.start.y, "*", color=PLOT_PROPOSED, markersize=18, zorder=5)
+        panel.plot(
+            plan.start.x, plan.start.y, "*", color=palette.PLOT_PROPOSED, markersize=18, zorder=5
+        )
 
 
 def _draw_stop(panel: Any, number: int, stop: PlannedStop) -> None:
@@ -136,17 +131,17 @@ def _draw_stop(panel: Any, number: int, stop: PlannedStop) -> None:
     panel.text(
         stop.place.x, stop.place.y, str(number), color=words, ha="center", va="center",
         fontsize=8, fontweight="bold", zorder=6,
-        bbox={"boxstyle": "round,pad=0.2", "fc": colour, "ec": PLOT_WALLS, "lw": 0.5},
+        bbox={"boxstyle": "round,pad=0.2", "fc": colour, "ec": palette.PLOT_WALLS, "lw": 0.5},
     )  # fmt: skip
 
 
 def _colour(stop: PlannedStop) -> Any:
     """Return the colour of P, or that of an unknown door."""
-    return _scale()(stop.p_passes) if stop.is_known else PLOT_NOTHING
+    return _scale()(stop.p_passes) if stop.is_known else palette.PLOT_NOTHING
 
 
 def _scale() -> Any:
-    colours = np.array(VIRIDIS) / 255
+    colours = np.array(palette.VIRIDIS) / 255
     return mpl.colors.LinearSegmentedColormap.from_list("P", colours)
 
 
@@ -166,12 +161,14 @@ def _draw_key(figure: Any, panels: Any, *, with_start: bool) -> None:
     """Draw what the colours mean."""
     scale = mpl.cm.ScalarMappable(mpl.colors.Normalize(0, 1), _scale())
     figure.colorbar(scale, ax=list(panels), shrink=0.6, label="P that the door lets one in, then")
-    unknown = patches.Patch(facecolor=PLOT_NOTHING, edgecolor=PLOT_WALLS, label="UNKNOWN")
+    unknown = patches.Patch(
+        facecolor=palette.PLOT_NOTHING, edgecolor=palette.PLOT_WALLS, label="UNKNOWN"
+    )
     if with_start:
-        panels[0].plot([], [], "*", color=PLOT_PROPOSED, markersize=12, label="start")
+        panels[0].plot([], [], "*", color=palette.PLOT_PROPOSED, markersize=12, label="start")
     handles, labels = panels[0].get_legend_handles_labels()
     panels[0].legend([*handles, unknown], [*labels, "UNKNOWN"], loc="upper right", fontsize=8,
-                     labelcolor=PLOT_WORDS)  # fmt: skip
+                     labelcolor=palette.PLOT_WORDS)  # fmt: skip
 
 
 def _title(plan: PatrolPlan) -> str:

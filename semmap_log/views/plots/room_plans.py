@@ -12,15 +12,8 @@ from semmap_log.analysis.rooms.level_rooms import OCCUPIED_FROM, LevelRooms, Roo
 from semmap_log.analysis.rooms.room_graph import Room
 from semmap_log.core.model.doors import Door
 from semmap_log.core.model.events import FloorMap
+from semmap_log.views import palette
 from semmap_log.views.event_words import HasShape, drawable_name, printable
-from semmap_log.views.palette import (
-    PLOT_CURVE,
-    PLOT_LIFT,
-    PLOT_PROPOSED,
-    PLOT_ROOM_NAME,
-    PLOT_WALLS,
-    rooms_image,
-)
 from semmap_log.views.plots.figures import has_shape, new_figure
 
 MOST_CELLS = 4_000_000
@@ -58,9 +51,9 @@ LETTER_EM = 0.6
 """About how wide a letter is."""
 POINTS_AN_INCH = 72
 KINDS = (
-    (PLOT_CURVE, "joins two rooms"),
-    (PLOT_PROPOSED, "the same room on both sides, or none"),
-    (PLOT_LIFT, "of a lift"),
+    (palette.PLOT_CURVE, "joins two rooms"),
+    (palette.PLOT_PROPOSED, "the same room on both sides, or none"),
+    (palette.PLOT_LIFT, "of a lift"),
 )
 
 
@@ -96,7 +89,7 @@ def draw_rooms(
 def _draw_level(panel: Any, plan: RoomPlan, level: int, letters: HasShape) -> None:
     rooms, floor = plan.levels[level], plan.floors[level]
     extent = _extent(rooms)
-    panel.imshow(rooms_image(rooms), origin="lower", extent=extent, interpolation="nearest")
+    panel.imshow(palette.rooms_image(rooms), origin="lower", extent=extent, interpolation="nearest")
     _draw_walls(panel, floor)
     for doorway in plan.graph.doorways.values():
         if doorway.level == level:
@@ -114,14 +107,16 @@ def _draw_walls(panel: Any, floor: FloorMap) -> None:
     cells, extent = plan_cells(floor)
     walls = cells >= OCCUPIED_FROM
     if walls.any():
-        panel.contourf(walls, levels=[0.5, 1.5], colors=[PLOT_WALLS], origin="lower", extent=extent)
+        panel.contourf(
+            walls, levels=[0.5, 1.5], colors=[palette.PLOT_WALLS], origin="lower", extent=extent
+        )
 
 
 def _draw_door(panel: Any, plan: RoomPlan, door: Door) -> None:
     doorway = plan.graph.doorways[door.door_id]
-    colour = PLOT_CURVE if doorway.joins_two else PLOT_PROPOSED
+    colour = palette.PLOT_CURVE if doorway.joins_two else palette.PLOT_PROPOSED
     if plan.graph.lift_of(door.door_id) is not None:
-        colour = PLOT_LIFT
+        colour = palette.PLOT_LIFT
     panel.plot(*zip(door.start, door.end, strict=True), color=colour, linewidth=3,
                solid_capstyle="butt", scalex=False, scaley=False)  # fmt: skip
 
@@ -133,7 +128,7 @@ def _draw_name(panel: Any, room: Room, letters: HasShape, points_a_metre: float)
     size = min(NAME_PT, side_pt / (LETTER_EM * max(len(name), 1)))
     said, size = (name, size) if name and size >= LEAST_PT else (str(room.room_id), NAME_PT)
     panel.text(room.x, room.y, said.replace("$", r"\$"), fontsize=size, ha="center", va="center",
-               color=PLOT_ROOM_NAME, clip_on=True)  # fmt: skip
+               color=palette.PLOT_ROOM_NAME, clip_on=True)  # fmt: skip
 
 
 def _draw_legend(panel: Any) -> None:

@@ -19,14 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from semmap_log.analysis.beliefs.door_beliefs import (
-    LATER,
-    TypicalWeek,
-    ask,
-    belief,
-    default_estimator,
-    typical_week,
-)
+from semmap_log.analysis.beliefs import door_beliefs
 from semmap_log.core.folds.history import ROUND_KINDS, HistoryEntry, history, rounds
 from semmap_log.core.folds.levels import levels_of
 from semmap_log.core.io.disk import log_name
@@ -288,24 +281,30 @@ def beliefs_of(excerpt: Excerpt, tz: str, doors: Collection[DoorId]) -> dict[Doo
     `p` is [P(open), low, high] (90 % interval), or null; then `why` says why. `week` has P(open)
     in percent for 168 hours from Monday's first on, or null where too little is known at all.
     """
-    now = ask(excerpt.log, at=excerpt.last_ns(), estimator=default_estimator(), tz=tz, doors=None)
-    habits = now.by(LATER)
+    now = door_beliefs.ask(
+        excerpt.log,
+        at=excerpt.last_ns(),
+        estimator=door_beliefs.default_estimator(),
+        tz=tz,
+        doors=None,
+    )
+    habits = now.by(door_beliefs.LATER)
     said: dict[DoorId, Any] = {}
     for door in now.doors:
         if door.door_id not in doors:
             continue
-        known = belief(now, door)
+        known = door_beliefs.belief(now, door)
         numbers = [round(value, 4) for value in (known.p_open, known.low, known.high)]
         said[door.door_id] = {
             "p": numbers if known.is_known else None,
             "why": "" if known.is_known else why_unknown(known.evidence),
             "knownAt": first_ms(known.known_ns),
-            "week": _percent(typical_week(habits, door)),
+            "week": _percent(door_beliefs.typical_week(habits, door)),
         }
     return said
 
 
-def _percent(week: TypicalWeek) -> list[int] | None:
+def _percent(week: door_beliefs.TypicalWeek) -> list[int] | None:
     if not week.is_known:
         return None
     percent = np.rint(100 * week.hours.p_open).astype(np.int64)

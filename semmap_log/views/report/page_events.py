@@ -19,17 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.folds.door_changes import (
-    CHANGE,
-    EVERYTHING,
-    STATE,
-    STATE_CHANGE,
-    Changes,
-    Stamp,
-    known_states,
-    of_presence,
-    parts_of,
-)
+from semmap_log.core.folds import door_changes
 from semmap_log.core.folds.timeline import Timeline
 from semmap_log.core.model.doors import Door, DoorId, DoorState
 from semmap_log.core.model.events import (
@@ -42,19 +32,7 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.core.model.meaning import Changed, Presence
 from semmap_log.log.door_log.robot_names import robots_of, robots_of_poses
-from semmap_log.views.excerpt.door_rows import (
-    ALWAYS,
-    AS_A_DOOR,
-    NEVER,
-    DoorFold,
-    DoorLifetime,
-    DoorPicture,
-    ObjectShape,
-    RecordingEdge,
-    by_door,
-    opening_changes,
-    sorted_by_stamp,
-)
+from semmap_log.views.excerpt import door_rows
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.zone_times import MS_NS, Span
 
@@ -176,12 +154,12 @@ class PageDoor:
     """A door that is in the map at some time of the page."""
 
     door_id: DoorId
-    life: DoorLifetime
+    life: door_rows.DoorLifetime
     states: Rows
     """Rows of `STATE_CHANGE` while it was in the map, in the order in which they count."""
-    picture: DoorPicture
+    picture: door_rows.DoorPicture
     """Its places, and the probabilities that were set."""
-    shape: ObjectShape = AS_A_DOOR
+    shape: door_rows.ObjectShape = door_rows.AS_A_DOOR
 
     @property
     def changes(self) -> Rows:
@@ -198,7 +176,9 @@ class PageDoor:
         return int(places["level"][-1]) if len(places) else 0
 
 
-def brought_by(found: PageEvents, before: Mapping[DoorId, Door], since_ns: int) -> Changes:
+def brought_by(
+    found: PageEvents, before: Mapping[DoorId, Door], since_ns: int
+) -> door_changes.Changes:
     """Return rows that add, place or remove doors, including doors that exist at the begin.
 
     Args:
@@ -206,17 +186,17 @@ def brought_by(found: PageEvents, before: Mapping[DoorId, Door], since_ns: int) 
         before: The doors just before the first of them.
         since_ns: The time of the first.
     """
-    opening = opening_changes(before.values(), RecordingEdge(since_ns, -1, -1))
+    opening = door_rows.opening_changes(before.values(), door_rows.RecordingEdge(since_ns, -1, -1))
     return np.concatenate([opening, found.rest])
 
 
-def placed_on(rest: Changes) -> set[int]:
+def placed_on(rest: door_changes.Changes) -> set[int]:
     """Return the levels on which doors get a place."""
     sets_pose = (rest["sets"] & int(Changed.POSE)) != 0
     return set(np.unique(rest["level"][sets_pose & np.isfinite(rest["x"])]).tolist())
 
 
-def bring_home(rest: Changes, poses: Rows, home: int | None) -> None:
+def bring_home(rest: door_changes.Changes, poses: Rows, home: int | None) -> None:
     """Move what is on level 0 to the level on which it is shown: see `excerpt.shown_levels`."""
     for rows in (rest, poses):
         rows["level"][rows["level"] == 0] = home or 0
@@ -224,9 +204,9 @@ def bring_home(rest: Changes, poses: Rows, home: int | None) -> None:
 
 def page_doors(
     found: PageEvents,
-    rest: Changes,
+    rest: door_changes.Changes,
     before: Mapping[DoorId, Door],
-    shapes: Mapping[DoorId, ObjectShape] = MappingProxyType({}),
+    shapes: Mapping[DoorId, door_rows.ObjectShape] = MappingProxyType({}),
 ) -> list[PageDoor]:
     """Return the doors that are in the map at some time, ids ascending.
 
@@ -238,16 +218,16 @@ def page_doors(
     """
     told = [
         _story(before.get(DoorId(int(mine["door_id"][0]))), mine, found.states)
-        for mine in by_door(rest)
+        for mine in door_rows.by_door(rest)
     ]
     return [
-        replace(page_door, shape=shapes.get(page_door.door_id, AS_A_DOOR))
+        replace(page_door, shape=shapes.get(page_door.door_id, door_rows.AS_A_DOOR))
         for page_door in told
         if page_door is not None
     ]
 
 
-def _story(before: Door | None, rest: Changes, states: Rows) -> PageDoor | None:
+def _story(before: Door | None, rest: door_changes.Changes, states: Rows) -> PageDoor | None:
     """Return one door's history; None: it never was in the map.
 
     Args:
@@ -256,41 +236,41 @@ def _story(before: Door | None, rest: Changes, states: Rows) -> PageDoor | None:
         states: Those of all doors.
     """
     life = _life(rest)
-    if life.added == NEVER:
+    if life.added == door_rows.NEVER:
         return None
     door_id = int(rest["door_id"][0])
     first, behind = np.searchsorted(states["door_id"], [door_id, door_id + 1]).tolist()
     said = np.concatenate([_opening_state(before), states[first:behind]])
     # What is known of a door that exists when the page begins was reported before it begins.
-    born = ALWAYS if life.added[1] < 0 else life.added
+    born = door_rows.ALWAYS if life.added[1] < 0 else life.added
     return PageDoor(
         DoorId(door_id),
         life,
-        said[DoorLifetime(born, life.removed).covers(said)],
-        DoorFold().take(rest),
+        said[door_rows.DoorLifetime(born, life.removed).covers(said)],
+        door_rows.DoorFold().take(rest),
     )
 
 
-def _life(changes: Changes) -> DoorLifetime:
+def _life(changes: door_changes.Changes) -> door_rows.DoorLifetime:
     added, removed = (
-        _first_stamp(changes[of_presence(changes, presence)])
+        _first_stamp(changes[door_changes.of_presence(changes, presence)])
         for presence in (Presence.COMES, Presence.GOES)
     )
     # A removal before the adding was of no door.
-    return DoorLifetime(added, removed if removed > added else NEVER)
+    return door_rows.DoorLifetime(added, removed if removed > added else door_rows.NEVER)
 
 
-def _first_stamp(rows: Changes) -> Stamp:
-    return (int(rows["folds_ns"][0]), int(rows["number"][0])) if len(rows) else NEVER
+def _first_stamp(rows: door_changes.Changes) -> door_changes.Stamp:
+    return (int(rows["folds_ns"][0]), int(rows["number"][0])) if len(rows) else door_rows.NEVER
 
 
 def _opening_state(before: Door | None) -> Rows:
     """Return the row with a door's state when the page begins."""
     if before is None:
-        return np.empty(0, STATE_CHANGE)
+        return np.empty(0, door_changes.STATE_CHANGE)
     seen_ns = before.last_seen_ns or 0
     row = (before.door_id, seen_ns, -1, DoorAdded.kind, int(before.state))
-    return np.array([row], STATE_CHANGE)
+    return np.array([row], door_changes.STATE_CHANGE)
 
 
 def coded_states(told: list[PageDoor], span: Span) -> tuple[Iterator[dict[str, Any]], int]:
@@ -303,7 +283,7 @@ def coded_states(told: list[PageDoor], span: Span) -> tuple[Iterator[dict[str, A
     held = [np.append(t[1:] != t[:-1], True)[: len(t)] for t in times]
     times = [t[kept] for t, kept in zip(times, held, strict=True)]
     states = [
-        known_states(page_door.states["state"][kept])
+        door_changes.known_states(page_door.states["state"][kept])
         for page_door, kept in zip(told, held, strict=True)
     ]
     step_ms = _step_ms(times, states)
@@ -366,7 +346,7 @@ def coded_life(page_door: PageDoor, span: Span) -> dict[str, Any]:
     return {
         **({} if shape.object_class.is_door else of_others),
         "added": span.since_begin(page_door.life.added[0]),
-        "removed": None if removed == NEVER else span.since_begin(removed[0]),
+        "removed": None if removed == door_rows.NEVER else span.since_begin(removed[0]),
         "places": [_place(row, shape, span) for row in page_door.picture.placements],
         "probs": [
             [span.since_begin(int(row["folds_ns"])),
@@ -376,7 +356,7 @@ def coded_life(page_door: PageDoor, span: Span) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _place(row: Any, shape: ObjectShape, span: Span) -> list[Any]:
+def _place(row: Any, shape: door_rows.ObjectShape, span: Span) -> list[Any]:
     """Return [from when, level, x and y of its start, of its end]; no coordinates: unplaced.
 
     An object that is not a line has x and y of each corner, with the first repeated at the end.
@@ -441,8 +421,8 @@ def gather(excerpt: Excerpt, progress: Callable[[int, int], None] | None = None)
 @dataclass(slots=True)
 class _Reading:
     robots: tuple[str, ...]
-    states: list[Rows] = field(default_factory=lambda: [np.empty(0, STATE_CHANGE)])
-    rest: list[Rows] = field(default_factory=lambda: [np.empty(0, CHANGE)])
+    states: list[Rows] = field(default_factory=lambda: [np.empty(0, door_changes.STATE_CHANGE)])
+    rest: list[Rows] = field(default_factory=lambda: [np.empty(0, door_changes.CHANGE)])
     poses: list[Rows] = field(default_factory=lambda: [np.empty(0, POSE)])
     told: Rows = field(default_factory=lambda: np.empty(0, STAMP))
     events: int = 0
@@ -455,8 +435,12 @@ class _Reading:
         self.first_ns = first_ns if self.first_ns is None else min(self.first_ns, first_ns)
         self.last_ns = last_ns if self.last_ns is None else max(self.last_ns, last_ns)
         self.events += len(batch)
-        self.states += parts_of(batch, STATE_CHANGE, setting=STATE)
-        self.rest += parts_of(batch, CHANGE, setting=EVERYTHING & ~STATE)
+        self.states += door_changes.parts_of(
+            batch, door_changes.STATE_CHANGE, setting=door_changes.STATE
+        )
+        self.rest += door_changes.parts_of(
+            batch, door_changes.CHANGE, setting=door_changes.EVERYTHING & ~door_changes.STATE
+        )
         if RobotPose in batch:
             self.poses.append(_poses(batch, self.robots))
         self._tell(batch)
@@ -466,7 +450,7 @@ class _Reading:
         poses = np.concatenate(self.poses)
         return PageEvents(
             states=states[np.lexsort((states["number"], states["folds_ns"], states["door_id"]))],
-            rest=sorted_by_stamp(rest),
+            rest=door_rows.sorted_by_stamp(rest),
             poses=poses[np.argsort(poses["folds_ns"], kind="stable")],
             told=self.told,
             events=self.events,
@@ -480,7 +464,7 @@ class _Reading:
             told[batch.where(DoorPassed)[~batch[DoorPassed]["passed"].astype(bool)]] = True
         stamps = np.empty(int(np.count_nonzero(told)), STAMP)
         stamps["folds_ns"], stamps["number"] = batch.folds_ns[told], batch.number[told]
-        self.told = sorted_by_stamp(np.concatenate([self.told, stamps]))[-MOST_CHANGES:]
+        self.told = door_rows.sorted_by_stamp(np.concatenate([self.told, stamps]))[-MOST_CHANGES:]
 
 
 def _poses(batch: EventBatch, robots: tuple[str, ...]) -> Rows:

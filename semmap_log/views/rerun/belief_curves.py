@@ -24,14 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.beliefs.door_beliefs import (
-    LATER,
-    BeliefQuery,
-    TypicalWeek,
-    ask,
-    default_estimator,
-    typical_week,
-)
+from semmap_log.analysis.beliefs import door_beliefs
 from semmap_log.analysis.probabilities.belief_fold import Beliefs
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.core.batches.event_batch import in_ranges
@@ -75,7 +68,7 @@ class BeliefsShown:
 
     curves: Mapping[DoorId, Points]
     """Of doors of which enough was known at some time."""
-    weeks: Sequence[TypicalWeek]
+    weeks: Sequence[door_beliefs.TypicalWeek]
     """Of the doors that are in the map at the end and known well enough, ids ascending."""
 
 
@@ -89,15 +82,21 @@ def beliefs_to_show(
         scene: What the recording shows.
         chosen: Requested doors, all of which have curves; None: the liveliest have.
     """
-    now = ask(excerpt.log, at=None, estimator=default_estimator(), tz=None, doors=None)
+    now = door_beliefs.ask(
+        excerpt.log, at=None, estimator=door_beliefs.default_estimator(), tz=None, doors=None
+    )
     doors = [door for door in scene.liveliest() if chosen is None or door.door_id in chosen]
     most = min(MOST_CURVES, max(1, MOST_CURVE_DAYS // (scene.span_ns // DAY_NS + 1)))
     drawn = doors if chosen is not None else doors[:most]
     curves = dict(_curves(now, drawn, scene))
-    habits = now.by(LATER).as_of(scene.end.folds_ns)  # what happens later is not known there
+    habits = now.by(door_beliefs.LATER).as_of(
+        scene.end.folds_ns
+    )  # what happens later is not known there
     read = _read_of(doors)
     here = [door for door in habits.doors if door.door_id in read]
-    weeks = [week for week in (typical_week(habits, door) for door in here) if week.is_known]
+    weeks = [
+        week for week in (door_beliefs.typical_week(habits, door) for door in here) if week.is_known
+    ]
     return BeliefsShown(curves, weeks) if curves or weeks else None
 
 
@@ -114,7 +113,7 @@ def _read_of(doors: Sequence[SceneDoor]) -> set[DoorId]:
 
 
 def _curves(
-    now: BeliefQuery, doors: Sequence[SceneDoor], scene: Scene
+    now: door_beliefs.BeliefQuery, doors: Sequence[SceneDoor], scene: Scene
 ) -> Iterator[tuple[DoorId, Points]]:
     """Yield the curves of doors of which enough was known at some time."""
     now.beliefs.learnt(max(scene.end.folds_ns, now.known_ns))  # once for all days

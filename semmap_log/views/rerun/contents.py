@@ -23,18 +23,7 @@ from semmap_log.log.door_log.robot_names import robots_of
 from semmap_log.log.replay.replay import Scope
 from semmap_log.views.bounds import Bounds, bounds_of_floor
 from semmap_log.views.costmap_picture import without_level
-from semmap_log.views.excerpt.door_rows import (
-    ALWAYS,
-    AS_A_DOOR,
-    NEVER,
-    DoorLifetime,
-    ObjectShape,
-    RecordingEdge,
-    by_door,
-    opening_changes,
-    shapes_of,
-    strips_of,
-)
+from semmap_log.views.excerpt import door_rows
 from semmap_log.views.excerpt.shown_levels import home_of_0
 from semmap_log.views.excerpt.span import NO_PLANS, Excerpt, level_plans
 from semmap_log.views.rerun.drawable import drawable_name, free_part, unique_parts
@@ -42,7 +31,7 @@ from semmap_log.views.rerun.scene import ROOT, KnownDoor, Scene, SceneDoor, Scen
 from semmap_log.views.rerun.shown_retractions import ShownRetraction, taken_back
 
 GIVEN = int(Changed.PROB_OPEN | Changed.PROB_CLOSED)
-NOWHERE = RecordingEdge(-1, -1, -1)
+NOWHERE = door_rows.RecordingEdge(-1, -1, -1)
 
 
 def find_scene(excerpt: Excerpt) -> Scene:
@@ -69,7 +58,7 @@ class RecordingContents:
         """Return whether an event sorts before an event of the same door that was already taken."""
         return any(
             not self._pass.doors.get(DoorId(int(rows["door_id"][0])), NEW).goes_on(rows)
-            for rows in by_door(door_changes(batch))
+            for rows in door_rows.by_door(door_changes(batch))
         )
 
     def scene(self) -> Scene:
@@ -80,7 +69,7 @@ class RecordingContents:
             for one in taken_back(self._excerpt):
                 pass_.take_back(one)
         state = self._excerpt.log.state_in(Scope(at_ns=self._excerpt.last_ns()))
-        doors, shapes = state.door_map(), shapes_of(state)
+        doors, shapes = state.door_map(), door_rows.shapes_of(state)
         placed = {n for door in pass_.doors.values() if door.was_present for n in door.placed_on}
         home = home_of_0(placed | levels_of(doors).keys())
         robot_level = pass_.robot_last[1]
@@ -105,10 +94,10 @@ class _Found:
     before: Door | None = None
     known: list[KnownDoor] = field(default_factory=list)
     was_present: bool = False
-    added: Stamp = NEVER
-    removed: Stamp = NEVER
+    added: Stamp = door_rows.NEVER
+    removed: Stamp = door_rows.NEVER
     name: str = ""
-    name_stamp: Stamp = ALWAYS
+    name_stamp: Stamp = door_rows.ALWAYS
     levels: dict[int, Stamp] = field(default_factory=dict)
     """Level -> when the door was last put there."""
     placed_on: set[int] = field(default_factory=set)
@@ -116,7 +105,7 @@ class _Found:
     state: int | None = None
     state_changes: int = 0
     has_probabilities: bool = False
-    latest: Stamp = ALWAYS
+    latest: Stamp = door_rows.ALWAYS
     is_plain: bool = True
     disturbed: list[NDArray[np.int64]] = field(default_factory=list)
 
@@ -140,7 +129,7 @@ class _Found:
         self.was_present |= bool(of_presence(changes, Presence.COMES).any())
         placed = changes[(changes["sets"] & int(Changed.POSE)) != 0]
         for level, stamp in zip(placed["level"].tolist(), _stamps(placed), strict=True):
-            self.levels[level] = max(stamp, self.levels.get(level, ALWAYS))
+            self.levels[level] = max(stamp, self.levels.get(level, door_rows.ALWAYS))
         self.placed_on.update(placed["level"][np.isfinite(placed["x"])].tolist())
         given = changes[(changes["sets"] & GIVEN) != 0]
         self.has_probabilities |= bool(
@@ -154,7 +143,7 @@ class _Found:
         self.known.append(known)
         self.was_present |= known.is_there
         if known.is_placed:
-            self.levels.setdefault(known.level, ALWAYS)
+            self.levels.setdefault(known.level, door_rows.ALWAYS)
             self.placed_on.add(known.level)
 
     def _live(self, changes: Changes) -> None:
@@ -177,9 +166,11 @@ class _Found:
             self.state = int(states[-1])
 
     @property
-    def life(self) -> DoorLifetime:
+    def life(self) -> door_rows.DoorLifetime:
         """When it is in the map; a removal before its addition was of no door."""
-        return DoorLifetime(self.added, self.removed if self.removed > self.added else NEVER)
+        return door_rows.DoorLifetime(
+            self.added, self.removed if self.removed > self.added else door_rows.NEVER
+        )
 
     @property
     def last_level(self) -> int:
@@ -217,7 +208,9 @@ class _Pass:
         self._last_commit: NDArray[np.int64] = np.full(1, -1)
         self.begin = self.end = NOWHERE
         if excerpt.since_ns is not None:
-            self.begin = RecordingEdge(excerpt.since_ns, excerpt.number_before(), excerpt.since_ns)
+            self.begin = door_rows.RecordingEdge(
+                excerpt.since_ns, excerpt.number_before(), excerpt.since_ns
+            )
             self.end = self.begin
             self._begin_in_midst()
 
@@ -225,7 +218,9 @@ class _Pass:
         """Take the doors as they were, and as they were known, when the recording begins."""
         for door_id, door in self._excerpt.before().doors.items():
             self.doors[door_id] = _Found(before=door, name=door.name or "")
-        opening = opening_changes([d.before for d in self.doors.values() if d.before], self.begin)
+        opening = door_rows.opening_changes(
+            [d.before for d in self.doors.values() if d.before], self.begin
+        )
         everywhere = np.ones(len(opening), np.bool_)
         self._take_changes(opening, everywhere, everywhere)
         state = self._excerpt.known_before()
@@ -254,7 +249,7 @@ class _Pass:
         folds_ns = batch.folds_ns
         happened, recorded = self._stands(batch.number, folds_ns, batch.recorded_ns)
         if self.begin is NOWHERE:
-            self.begin = RecordingEdge(int(folds_ns[0]), int(batch.number[0]) - 1,
+            self.begin = door_rows.RecordingEdge(int(folds_ns[0]), int(batch.number[0]) - 1,
                               int(batch.recorded_ns[0]) - 1)  # fmt: skip
         self.events += len(batch)
         if happened.any():
@@ -298,7 +293,7 @@ class _Pass:
         placed = changes[(changes["sets"] & int(Changed.POSE)) != 0]
         for level in np.unique(placed["level"]).tolist():
             # Where only the pose is set, the width is not at hand: its end may lie in the margin.
-            strips = strips_of(placed[placed["level"] == level]).reshape(-1, 2)
+            strips = door_rows.strips_of(placed[placed["level"] == level]).reshape(-1, 2)
             _stretch(self.bounds, level, strips[:, 0], strips[:, 1])
 
     def _take_poses(self, batch: EventBatch, happened: NDArray[np.bool_]) -> None:
@@ -381,7 +376,7 @@ def _doors(
     pass_: _Pass,
     levels: Mapping[int, SceneLevel],
     home: int | None,
-    shapes: Mapping[DoorId, ObjectShape],
+    shapes: Mapping[DoorId, door_rows.ObjectShape],
 ) -> dict[DoorId, SceneDoor]:
     """Return the doors that are in the map at some time on some timeline, ids ascending."""
     there = {i: door for i, door in sorted(pass_.doors.items()) if door.was_present}
@@ -403,7 +398,7 @@ def _doors(
             known=found.known,
             state_changes=found.state_changes,
             has_probabilities=found.has_probabilities,
-            shape=shapes.get(door_id, AS_A_DOOR),
+            shape=shapes.get(door_id, door_rows.AS_A_DOOR),
             is_plain=found.is_plain,
             disturbed_ns=np.sort(np.concatenate([np.empty(0, np.int64), *found.disturbed])),
         )

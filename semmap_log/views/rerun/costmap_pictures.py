@@ -21,18 +21,7 @@ from semmap_log.core.model.events import FloorMap
 from semmap_log.views.excerpt.door_rows import NO_STATE
 from semmap_log.views.excerpt.span import PlanEra
 from semmap_log.views.palette import Palette
-from semmap_log.views.rerun.costmap_doors import (
-    STAMPS,
-    DoorRows,
-    Order,
-    Patch,
-    Version,
-    grid_around,
-    happened_order,
-    recorded_order,
-    slim,
-    versions_of,
-)
+from semmap_log.views.rerun import costmap_doors
 from semmap_log.views.rerun.rerun_sdk import rr
 from semmap_log.views.rerun.robot_track import eras_along, since_of
 from semmap_log.views.rerun.scene import (
@@ -59,7 +48,7 @@ Pictures = NDArray[np.void]
 class DoorPatches:
     """A door's pictures on one level, over time."""
 
-    patches: Sequence[Patch]
+    patches: Sequence[costmap_doors.Patch]
     pictures: Pictures
 
     def behind(self, number: int) -> DoorPatches:
@@ -103,13 +92,17 @@ def _within(pictures: Pictures, span: TimeSpan, *, recorded: bool) -> Pictures:
 
 def _restamped(picture: Pictures, stamp: NDArray[np.void]) -> Pictures:
     row: Pictures = picture.copy()
-    for name in STAMPS:
+    for name in costmap_doors.STAMPS:
         row[name] = stamp[name]
     return row
 
 
 def patches_along(
-    doors: Mapping[DoorId, DoorRows], level: int, geometry: GridGeometry, *, recorded: bool
+    doors: Mapping[DoorId, costmap_doors.DoorRows],
+    level: int,
+    geometry: GridGeometry,
+    *,
+    recorded: bool,
 ) -> Iterator[tuple[DoorId, DoorPatches]]:
     """Yield what each door shows of a level's layer.
 
@@ -119,30 +112,30 @@ def patches_along(
         geometry: Of the layer.
         recorded: Whether in the order of recording; else in that of happening.
     """
-    order = recorded_order if recorded else happened_order
-    for door, versions in versions_of(doors, level, geometry, order).items():
+    order = costmap_doors.recorded_order if recorded else costmap_doors.happened_order
+    for door, versions in costmap_doors.versions_of(doors, level, geometry, order).items():
         yield door, _door_patches(doors[door], versions, order, recorded=recorded)
 
 
 def _door_patches(
-    rows: DoorRows,
-    versions: Sequence[Version],
-    order: Order,
+    rows: costmap_doors.DoorRows,
+    versions: Sequence[costmap_doors.Version],
+    order: costmap_doors.Order,
     *,
     recorded: bool,
 ) -> DoorPatches:
     """Join a door's states and its patches: one row each time that it looks otherwise."""
-    numbers: dict[Patch, int] = {}
+    numbers: dict[costmap_doors.Patch, int] = {}
     at = [NO_PATCH if patch is None else numbers.setdefault(patch, len(numbers))
           for _, patch in versions]  # fmt: skip
-    stamps = np.concatenate([rows.states, *(slim(stamp) for stamp, _ in versions)])
+    stamps = np.concatenate([rows.states, *(costmap_doors.slim(stamp) for stamp, _ in versions)])
     is_state = np.arange(len(stamps)) < len(rows.states)
     patch_of = np.concatenate([np.zeros(len(rows.states), np.int64), np.array(at, np.int64)])
     chosen = order(stamps)
     stamps, is_state, patch_of = stamps[chosen], is_state[chosen], patch_of[chosen]
 
     pictures = np.zeros(len(stamps), PICTURE)
-    for name in STAMPS:
+    for name in costmap_doors.STAMPS:
         pictures[name] = stamps[name]
     pictures["cost"] = rows.shape.costs()[_held(stamps["state"], is_state, NO_STATE)]
     pictures["patch"] = _held(patch_of, ~is_state, NO_PATCH)
@@ -189,11 +182,14 @@ class CostmapWriter:
         self._writer = writer
         self._scene = scene
         self._palette = palette
-        self._pieces: dict[str, dict[DoorId, list[DoorRows]]] = {HAPPENED: {}, RECORDED: {}}
+        self._pieces: dict[str, dict[DoorId, list[costmap_doors.DoorRows]]] = {
+            HAPPENED: {},
+            RECORDED: {},
+        }
         self._has_news = False
         self._written = NOTHING_WRITTEN
 
-    def take(self, door: DoorId, rows: DoorRows, timelines: Sequence[str]) -> None:
+    def take(self, door: DoorId, rows: costmap_doors.DoorRows, timelines: Sequence[str]) -> None:
         """Take a door's next rows along these timelines; `event` goes with `recorded`."""
         for timeline, pieces in self._pieces.items():
             if timeline in timelines and len(rows):
@@ -205,7 +201,9 @@ class CostmapWriter:
         if not self._has_news:
             return
         joined = {
-            timeline: {door: DoorRows.joined(rows) for door, rows in sorted(pieces.items())}
+            timeline: {
+                door: costmap_doors.DoorRows.joined(rows) for door, rows in sorted(pieces.items())
+            }
             for timeline, pieces in self._pieces.items()
         }
         self._write(joined[HAPPENED], joined[RECORDED])
@@ -217,7 +215,11 @@ class CostmapWriter:
         }
         self._has_news = False
 
-    def _write(self, happened: dict[DoorId, DoorRows], recorded: dict[DoorId, DoorRows]) -> None:
+    def _write(
+        self,
+        happened: dict[DoorId, costmap_doors.DoorRows],
+        recorded: dict[DoorId, costmap_doors.DoorRows],
+    ) -> None:
         for level in self._scene.levels.values():
             if not has_costmap(self._scene, level):
                 continue
@@ -228,7 +230,9 @@ class CostmapWriter:
             for part in _parts(self._scene, level, here):
                 self._write_part(level, part, *here)
 
-    def _on(self, level: SceneLevel, doors: dict[DoorId, DoorRows]) -> dict[DoorId, DoorRows]:
+    def _on(
+        self, level: SceneLevel, doors: dict[DoorId, costmap_doors.DoorRows]
+    ) -> dict[DoorId, costmap_doors.DoorRows]:
         """Return the rows of the doors that are on a level at some time."""
         return {
             door: rows
@@ -240,8 +244,8 @@ class CostmapWriter:
         self,
         level: SceneLevel,
         part: _Part,
-        happened: dict[DoorId, DoorRows],
-        recorded: dict[DoorId, DoorRows],
+        happened: dict[DoorId, costmap_doors.DoorRows],
+        recorded: dict[DoorId, costmap_doors.DoorRows],
     ) -> None:
         one, other = (
             dict(patches_along(doors, level.level, part.geometry, recorded=is_recorded))
@@ -314,7 +318,7 @@ class _Part:
 
 
 def _parts(
-    scene: Scene, level: SceneLevel, doors: Sequence[Mapping[DoorId, DoorRows]]
+    scene: Scene, level: SceneLevel, doors: Sequence[Mapping[DoorId, costmap_doors.DoorRows]]
 ) -> Iterator[_Part]:
     """Yield a part for each plan of a level that lies along its grid, or one for all times."""
     if level.plans.is_one:
@@ -381,10 +385,10 @@ def shades_of_costs(palette: Palette) -> NDArray[np.uint8]:
     return shades
 
 
-def _geometry(level: SceneLevel, doors: Iterable[DoorRows]) -> GridGeometry | None:
+def _geometry(level: SceneLevel, doors: Iterable[costmap_doors.DoorRows]) -> GridGeometry | None:
     """Return the grid of the level's floor map, or one around its doors."""
     if level.floor is None:
-        return grid_around(doors, level.level)
+        return costmap_doors.grid_around(doors, level.level)
     return _grid_of(level.floor)
 
 
@@ -393,7 +397,9 @@ def _grid_of(floor: FloorMap) -> GridGeometry:
     return GridGeometry.of_map((rows, columns), floor.resolution, (floor.origin_x, floor.origin_y))
 
 
-def _images(part: Pictures, patches: Sequence[Patch], geometry: GridGeometry) -> Sequence[Any]:
+def _images(
+    part: Pictures, patches: Sequence[costmap_doors.Patch], geometry: GridGeometry
+) -> Sequence[Any]:
     """Return the pictures, their first row lowest, and where they lie in metres."""
     looks = list(zip(part["patch"].tolist(), part["cost"].tolist(), strict=True))
     buffers = {look: patches[look[0]].costs(look[1]).tobytes() for look in set(looks)}
@@ -411,7 +417,7 @@ def _images(part: Pictures, patches: Sequence[Patch], geometry: GridGeometry) ->
     return [*images, *places]
 
 
-def _format(patch: Patch) -> Any:
+def _format(patch: costmap_doors.Patch) -> Any:
     height, width = patch.window.shape
     return rr.components.ImageFormat(
         width=width, height=height, channel_datatype=rr.ChannelDatatype.U8

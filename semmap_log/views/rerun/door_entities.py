@@ -13,14 +13,7 @@ import numpy as np
 
 from semmap_log.core.folds.door_changes import CHANGE, Changes
 from semmap_log.core.model.doors import DoorId, DoorState
-from semmap_log.views.excerpt.door_rows import (
-    DoorFold,
-    DoorPicture,
-    RecordingEdge,
-    by_door,
-    opening_changes,
-    sorted_by_stamp,
-)
+from semmap_log.views.excerpt import door_rows
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import Palette, packed
 from semmap_log.views.rerun.costmap_doors import DoorRows
@@ -98,7 +91,7 @@ class DoorsWriter:
             self._finished[door_id] = self._write_both(self._scene.doors[door_id], changes)
 
     def _take(self, changes: Changes) -> None:
-        for rows in by_door(changes):
+        for rows in door_rows.by_door(changes):
             door_id = DoorId(int(rows["door_id"][0]))
             if door_id in self._plain:
                 self._plain[door_id].take(rows)
@@ -108,16 +101,18 @@ class DoorsWriter:
     def _opening(self, doors: Iterable[SceneDoor]) -> Changes:
         """Return the plain doors' states when the recording begins amid the log."""
         there = [door.before for door in doors if door.is_plain and door.before is not None]
-        return opening_changes(there, self._scene.begin)
+        return door_rows.opening_changes(there, self._scene.begin)
 
     def _write_both(self, door: SceneDoor, changes: Changes) -> list[DoorWriter]:
         """Write a door with late or retracted events, whose order is known now."""
         numbers = changes["number"]
         happened = changes[self._excerpt.has_happened(numbers, changes["folds_ns"])]
-        opening = opening_changes([door.before] if door.before else [], self._scene.begin)
+        opening = door_rows.opening_changes([door.before] if door.before else [], self._scene.begin)
         recorded = changes[self._excerpt.was_recorded(numbers, changes["recorded_ns"])]
         along = [DoorWriter(*self._pens, door, lines) for lines in ([HAPPENED], [RECORDED, EVENT])]
-        along[0].draw(np.concatenate([opening, sorted_by_stamp(happened)]), self._scene.end)
+        along[0].draw(
+            np.concatenate([opening, door_rows.sorted_by_stamp(happened)]), self._scene.end
+        )
         along[1].draw(as_recorded(recorded, door.known), self._scene.end)
         return along
 
@@ -136,7 +131,7 @@ class _PlainDoor:
         if self.rows_waiting >= MOST_ROWS:
             self.write()
 
-    def write(self, end: RecordingEdge | None = None) -> None:
+    def write(self, end: door_rows.RecordingEdge | None = None) -> None:
         """Draw what is pending; with `end`, it is the last."""
         changes = np.concatenate([np.empty(0, CHANGE), *self._waiting])
         self._waiting, self.rows_waiting = [], 0
@@ -168,10 +163,10 @@ class DoorWriter:
         self._door = door
         self._timelines = timelines
         self._colours = _colours(palette)
-        self._fold = DoorFold()
+        self._fold = door_rows.DoorFold()
         self._last_point: Changes = np.empty(0, CHANGE)
 
-    def draw(self, changes: Changes, end: RecordingEdge | None = None) -> None:
+    def draw(self, changes: Changes, end: door_rows.RecordingEdge | None = None) -> None:
         """Draw what the next events do.
 
         Args:
@@ -218,7 +213,9 @@ class DoorWriter:
         names = rr.Points2D.columns(positions=strips.mean(axis=1)).partition(each)
         return [*lines, *names]
 
-    def _write_curves(self, picture: DoorPicture, end: RecordingEdge | None) -> None:
+    def _write_curves(
+        self, picture: door_rows.DoorPicture, end: door_rows.RecordingEdge | None
+    ) -> None:
         """Write the points of the curves, each chunk from the last point of the one before.
 
         Looking for the neighbours of what it shows, the viewer does not go beyond the chunks that
@@ -234,7 +231,7 @@ class DoorWriter:
             self._writer.rows(self._door.path, points, _points, self._timelines)
             self._last_point = points[-1:]
 
-    def _ends_of_curve(self, removals: Changes, end: RecordingEdge | None) -> Changes:
+    def _ends_of_curve(self, removals: Changes, end: door_rows.RecordingEdge | None) -> Changes:
         """Return the last probabilities again, where the door or the recording ends.
 
         They hold until they are set again; without this, one that was set once would be a dot.

@@ -27,19 +27,11 @@ from semmap_log.core.model.events import DoorEvent, Event, Retracted, RobotPose
 from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.core.model.meaning import NO_EFFECT, PLACING, Presence
 from semmap_log.core.model.moments import SECOND_NS
-from semmap_log.views import event_words
+from semmap_log.views import event_words, zone_times
 from semmap_log.views.event_words import reported_state, words_of
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.rerun.rerun_sdk import rr
 from semmap_log.views.rerun.scene import RepeatFinder, RowWriter, Scene, SceneDoor, is_long
-from semmap_log.views.zone_times import (
-    MS_NS,
-    NOT_IN_THIS_PART,
-    Span,
-    from_utc,
-    how_to_begin,
-    zone_offsets,
-)
 
 if TYPE_CHECKING:
     from semmap_log.core.model.commits import Commit
@@ -115,7 +107,10 @@ class EventLines:
 
     def _offsets(self, times_ns: NDArray[np.int64]) -> list[str]:
         """Return the offset of those clocks from UTC then: ` UTC+2`."""
-        return [f" {from_utc(s)}" for s in self._clock.offset_s(times_ns // SECOND_NS).tolist()]
+        return [
+            f" {zone_times.from_utc(s)}"
+            for s in self._clock.offset_s(times_ns // SECOND_NS).tolist()
+        ]
 
     def _is_repeat(self, batch: EventBatch, changes: Changes) -> NDArray[np.bool_]:
         if self._repeats is None:
@@ -168,8 +163,14 @@ class EventLines:
 
 def offsets_in(scene: Scene, tz: str) -> list[str]:
     """Return how far a zone's clocks are ahead of UTC within what a scene shows: `UTC+1`."""
-    span = Span(scene.begin.folds_ns // MS_NS, scene.end.folds_ns // MS_NS)
-    return list(dict.fromkeys(from_utc(offset_s) for _, offset_s in zone_offsets(span, tz)))
+    span = zone_times.Span(
+        scene.begin.folds_ns // zone_times.MS_NS, scene.end.folds_ns // zone_times.MS_NS
+    )
+    return list(
+        dict.fromkeys(
+            zone_times.from_utc(offset_s) for _, offset_s in zone_times.zone_offsets(span, tz)
+        )
+    )
 
 
 def _who(door: SceneDoor) -> str:
@@ -206,7 +207,7 @@ def write_nothing(writer: RowWriter, excerpt: Excerpt, scene: Scene) -> None:
     """Write a hint if there are no doors."""
     if scene.doors:
         return
-    said = how_to_begin(excerpt.log) or NOT_IN_THIS_PART
+    said = zone_times.how_to_begin(excerpt.log) or zone_times.NOT_IN_THIS_PART
     lines = [drawable(line) for line in said.splitlines()]
     writer.static((NOTHING,), rr.TextDocument("\n".join(lines), media_type="text/plain"))
 

@@ -24,19 +24,9 @@ import numpy as np
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.io.progress import Progress
+from semmap_log.core.model import events
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import DoorId
-from semmap_log.core.model.events import (
-    SETTING_KINDS,
-    DoorAnnotated,
-    Event,
-    FloorMap,
-    LevelAdded,
-    PatrolFinished,
-    PatrolStarted,
-    Retracted,
-    RobotPose,
-)
 from semmap_log.core.model.meaning import Changed, Presence
 from semmap_log.errors import ViewerError
 from semmap_log.log.door_log.door_log import DoorLog, Time
@@ -288,12 +278,18 @@ def _options(port: int) -> list[str]:
     return ["--serve-web", "--web-viewer-port", str(port), "--server-memory-limit", MEMORY_LIMIT]
 
 
-NEVER_FIT = (Retracted, LevelAdded, FloorMap, PatrolStarted, PatrolFinished)
-MAY_CHANGE_THE_SCENE: tuple[type[Event], ...] = (
-    DoorAnnotated,
+NEVER_FIT = (
+    events.Retracted,
+    events.LevelAdded,
+    events.FloorMap,
+    events.PatrolStarted,
+    events.PatrolFinished,
+)
+MAY_CHANGE_THE_SCENE: tuple[type[events.Event], ...] = (
+    events.DoorAnnotated,
     *(
         kind
-        for kind in SETTING_KINDS
+        for kind in events.SETTING_KINDS
         if kind.effect.presence is not Presence.STAYS or kind.effect.can_set & ~Changed.STATE
     ),
 )
@@ -316,7 +312,7 @@ def fits(batch: EventBatch, contents: RecordingContents, scene: Scene) -> bool:
     contents.take(batch)
     if any(kind in batch for kind in MAY_CHANGE_THE_SCENE):
         return _look(scene) == _look(contents.scene()) and _is_inside(contents.scene(), scene)
-    return RobotPose not in batch or _is_robot_inside(batch, scene)
+    return events.RobotPose not in batch or _is_robot_inside(batch, scene)
 
 
 def with_room(scene: Scene) -> Scene:
@@ -346,7 +342,7 @@ def _is_inside(inner: Scene, outer: Scene) -> bool:
 
 
 def _is_robot_inside(batch: EventBatch, scene: Scene) -> bool:
-    poses = batch[RobotPose]
+    poses = batch[events.RobotPose]
     for n in np.unique(poses["level"]).tolist():
         shown = scene.home_of_0 if n == 0 else n
         if shown is None:

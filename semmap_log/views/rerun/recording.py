@@ -33,15 +33,7 @@ from semmap_log.core.model.events import RobotPose
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.palette import DEFAULT, Palette
-from semmap_log.views.rerun.belief_curves import (
-    MOST_CURVES,
-    MOST_WEEKS,
-    ROUNDS,
-    BeliefsShown,
-    Lane,
-    beliefs_to_show,
-    round_lanes,
-)
+from semmap_log.views.rerun import belief_curves, sighting_views
 from semmap_log.views.rerun.contents import find_scene
 from semmap_log.views.rerun.costmap_pictures import COSTMAP, has_costmap
 from semmap_log.views.rerun.drawable import NOTHING, offsets_in
@@ -59,13 +51,6 @@ from semmap_log.views.rerun.scene import (
     SceneDoor,
     SceneLevel,
     entity,
-)
-from semmap_log.views.rerun.sighting_views import (
-    AROUND_M,
-    SIGHTINGS,
-    SightingsShown,
-    sighting_path,
-    sightings_to_show,
 )
 from semmap_log.views.rerun.week_pictures import sheet_of, weeks_on, weeks_path
 
@@ -136,9 +121,9 @@ def save_rrd(
     started = time.monotonic()
     excerpt = Excerpt.of(log, since, until, doors)
     scene = find_scene(excerpt)
-    shown = beliefs_to_show(excerpt, scene, doors) if beliefs else None
-    rounds = round_lanes(excerpt, scene)
-    sightings = sightings_to_show(scans, excerpt, scene, doors) if scans else None
+    shown = belief_curves.beliefs_to_show(excerpt, scene, doors) if beliefs else None
+    rounds = belief_curves.round_lanes(excerpt, scene)
+    sightings = sighting_views.sightings_to_show(scans, excerpt, scene, doors) if scans else None
     blueprint = layout(
         scene,
         palette,
@@ -228,10 +213,10 @@ def layout(
     chosen: Sequence[DoorId] | None,
     level: int | None,
     costmap: bool,
-    beliefs: BeliefsShown | None,
-    rounds: Sequence[Lane],
+    beliefs: belief_curves.BeliefsShown | None,
+    rounds: Sequence[belief_curves.Lane],
     tz: str,
-    sightings: SightingsShown | None = None,
+    sightings: sighting_views.SightingsShown | None = None,
     goes_on: bool = False,
 ) -> Any:
     """Return the blueprint of a recording.
@@ -284,7 +269,7 @@ def _plans(
     level: int | None,
     *,
     costmap: bool,
-    sightings: SightingsShown | None,
+    sightings: sighting_views.SightingsShown | None,
 ) -> View | None:
     """Return a tab a level; None where nothing has a place."""
     levels = [each for each in scene.levels.values() if not each.is_empty]
@@ -306,7 +291,9 @@ def _plan(level: SceneLevel, scene: Scene, palette: Palette) -> View:
     overrides = {entity(path): [_recent_track()] for path in paths}
     name = "Floor plan" if level.path == (ROOT,) else level.name
     contents = [f"+ {entity(level.path)}/**"]
-    contents += [f"- {entity((*level.path, part))}/**" for part in (COSTMAP, SIGHTINGS)]
+    contents += [
+        f"- {entity((*level.path, part))}/**" for part in (COSTMAP, sighting_views.SIGHTINGS)
+    ]
     return _map_view(level, palette, name, contents, overrides)
 
 
@@ -317,7 +304,7 @@ def _costmap(level: SceneLevel, palette: Palette) -> View:
     return _map_view(level, palette, name, [f"+ {entity(part)}/**" for part in parts], {})
 
 
-def _sightings(shown: SightingsShown, scene: Scene, palette: Palette) -> list[View]:
+def _sightings(shown: sighting_views.SightingsShown, scene: Scene, palette: Palette) -> list[View]:
     """Return pages of doors as a laser saw them."""
     views = [_sighting(scene.doors[door_id], shown, palette) for door_id in shown.doors]
     pages = [views[n : n + MOST_SIGHTINGS] for n in range(0, len(views), MOST_SIGHTINGS)]
@@ -326,12 +313,12 @@ def _sightings(shown: SightingsShown, scene: Scene, palette: Palette) -> list[Vi
     return [rrb.Grid(*page, name=f"Sightings {n}/{len(pages)}") for n, page in enumerate(pages, 1)]
 
 
-def _sighting(door: SceneDoor, shown: SightingsShown, palette: Palette) -> View:
+def _sighting(door: SceneDoor, shown: sighting_views.SightingsShown, palette: Palette) -> View:
     x, y, theta, width = shown.lines[door.door_id]
     middle_x, middle_y = x + width / 2 * math.cos(theta), y + width / 2 * math.sin(theta)
-    reach = width / 2 + AROUND_M
+    reach = width / 2 + sighting_views.AROUND_M
     bounds = Bounds(middle_x - reach, middle_y - reach, middle_x + reach, middle_y + reach)
-    parts = [(*door.path[:-2], "floor"), sighting_path(door)]
+    parts = [(*door.path[:-2], "floor"), sighting_views.sighting_path(door)]
     contents = [f"+ {entity(part)}/**" for part in parts]
     return _bounded_view(bounds, palette, f"{door.label} by laser", contents, {})
 
@@ -372,7 +359,7 @@ def _recent_track() -> Any:
 
 
 def _weeks(
-    scene: Scene, palette: Palette, front: int | None, beliefs: BeliefsShown | None
+    scene: Scene, palette: Palette, front: int | None, beliefs: belief_curves.BeliefsShown | None
 ) -> View | None:
     """Return a tab of typical weeks a level; None where nothing is known."""
     weeks = [] if beliefs is None else beliefs.weeks
@@ -389,8 +376,8 @@ def _weeks(
 def _week(level: SceneLevel, weeks: Sequence[TypicalWeek], scene: Scene, palette: Palette) -> View:
     sheet = sheet_of(weeks, scene)
     name = "Typical week" if level.path == (ROOT,) else f"{level.name} typical week"
-    if level.doors > MOST_WEEKS:
-        name += f", {MOST_WEEKS} liveliest"
+    if level.doors > belief_curves.MOST_WEEKS:
+        name += f", {belief_curves.MOST_WEEKS} liveliest"
     return rrb.Spatial2DView(
         origin=entity(weeks_path(level)),
         # The axis of time is in UTC, habits are not.
@@ -403,7 +390,7 @@ def _week(level: SceneLevel, weeks: Sequence[TypicalWeek], scene: Scene, palette
 def _curves(
     scene: Scene,
     chosen: Sequence[DoorId] | None,
-    beliefs: BeliefsShown | None,
+    beliefs: belief_curves.BeliefsShown | None,
     axis: Any,
 ) -> View | None:
     """Return a tab of curves a door; None where no door has probabilities, given or believed."""
@@ -415,7 +402,7 @@ def _curves(
     drawn = [door for door in doors if door.has_probabilities or door.door_id in believed]
     if not drawn:
         return None
-    curves = [_curve(door, axis) for door in drawn[:MOST_CURVES]]
+    curves = [_curve(door, axis) for door in drawn[: belief_curves.MOST_CURVES]]
     return rrb.Tabs(*curves, name="Probabilities", active_tab=0)
 
 
@@ -430,10 +417,12 @@ def _curve(door: SceneDoor, axis: Any) -> View:
     )
 
 
-def _rounds(rounds: Sequence[Lane], axis: Any) -> View | None:
+def _rounds(rounds: Sequence[belief_curves.Lane], axis: Any) -> View | None:
     if not rounds:
         return None
-    return rrb.StateTimelineView(origin=f"/{ROUNDS}", name="Rounds (UTC)", time_view=axis)
+    return rrb.StateTimelineView(
+        origin=f"/{belief_curves.ROUNDS}", name="Rounds (UTC)", time_view=axis
+    )
 
 
 def _lanes(scene: Scene, chosen: Sequence[DoorId] | None, axis: Any) -> View:

@@ -32,14 +32,7 @@ from semmap_log.core.model.events import DoorAdded, DoorObserved, DoorPassed, Do
 from semmap_log.core.model.meaning import PARTS, REGISTER_OF, REGISTERS, Changed
 from semmap_log.core.texts import counted
 from semmap_log.views.bounds import Bounds
-from semmap_log.views.excerpt.door_rows import (
-    ALWAYS,
-    NO_STATE,
-    DoorLifetime,
-    ObjectShape,
-    RecordingEdge,
-    by_door,
-)
+from semmap_log.views.excerpt import door_rows
 from semmap_log.views.excerpt.span import NO_PLANS, Excerpt, LevelPlans
 from semmap_log.views.palette import Rgb, packed
 from semmap_log.views.rerun.rerun_sdk import rr
@@ -224,7 +217,7 @@ class RepeatFinder:
         self._disturbed = {int(i): door.disturbed_ns for i, door in doors.items()
                            if len(door.disturbed_ns)}  # fmt: skip
         self._ids = np.array(sorted(doors), np.int64)
-        self._states = np.full(len(self._ids) + 1, NO_STATE, np.uint8)
+        self._states = np.full(len(self._ids) + 1, door_rows.NO_STATE, np.uint8)
         self._last: dict[int, tuple[int, int]] = {}
         """Of disturbed doors: time and state of the last sighting in order."""
 
@@ -237,7 +230,7 @@ class RepeatFinder:
         setting = changes[(changes["sets"] & int(Changed.STATE)) != 0]
         disturbed = np.isin(setting["door_id"], list(self._disturbed))
         found = [self._quiet(setting[~disturbed])]
-        found += [self._restless(rows) for rows in by_door(setting[disturbed])]
+        found += [self._restless(rows) for rows in door_rows.by_door(setting[disturbed])]
         repeats: Changes = np.concatenate(found)
         is_sighting = np.isin(repeats["kind"], [DoorObserved.kind, DoorPassed.kind])
         return np.asarray(repeats["number"][is_sighting])
@@ -262,7 +255,7 @@ class RepeatFinder:
         in_order = changes[~np.isin(changes["folds_ns"], disturbed_ns)]
         if not len(in_order):
             return in_order
-        last_ns, state = self._last.get(door_id, (-1, NO_STATE))
+        last_ns, state = self._last.get(door_id, (-1, door_rows.NO_STATE))
         times = np.append(last_ns, in_order["folds_ns"])
         states = np.append(np.uint8(state), in_order["state"])
         reported_between = np.diff(np.searchsorted(disturbed_ns, times)) != 0
@@ -310,7 +303,7 @@ class SceneDoor:
     """Of its lane and curves; and of its line, on the level where it was put last."""
     lines: Mapping[int, EntityPath]
     """Level -> path of its line there, for every level it is on at some time."""
-    life: DoorLifetime
+    life: door_rows.DoorLifetime
     before: Door | None
     """As it was when the recording begins; None: not in the map by then."""
     known: Sequence[KnownDoor] = field(compare=False)
@@ -318,7 +311,7 @@ class SceneDoor:
     and after each retraction of one of its events."""
     state_changes: int
     has_probabilities: bool
-    shape: ObjectShape
+    shape: door_rows.ObjectShape
     is_plain: bool
     """All its events came in the order in which they count, and none was retracted: it is the same
     along every timeline."""
@@ -361,9 +354,9 @@ class Scene:
     """That stand on any of its timelines."""
     commits: NDArray[np.int64]
     """Number of the first event of each commit."""
-    begin: RecordingEdge
+    begin: door_rows.RecordingEdge
     """Before every event; its happened time is that of the first row."""
-    end: RecordingEdge
+    end: door_rows.RecordingEdge
     """Of the last happened time, the greatest number, and the last recorded time."""
 
     @property
@@ -401,7 +394,7 @@ class KnownDoor:
         return int(self.row["level"][0])
 
     @classmethod
-    def of(cls, state: DoorMapState, door_id: DoorId, since: RecordingEdge) -> KnownDoor:
+    def of(cls, state: DoorMapState, door_id: DoorId, since: door_rows.RecordingEdge) -> KnownDoor:
         """Return a door's state in a fold of what was known."""
         row = np.zeros(1, CHANGE)
         since.stamp(row)
@@ -410,11 +403,11 @@ class KnownDoor:
         stamps: dict[int, Stamp] = {}
         for part, register in REGISTER_OF.items():
             _, _, values = state.register_of(np.array([door_id]), register)
-            stamps[int(part)] = state.stamp(door_id, register) or ALWAYS
+            stamps[int(part)] = state.stamp(door_id, register) or door_rows.ALWAYS
             for name in REGISTERS[register]:
                 row[name] = values[name]
         came_and_went = [state.stamp(door_id, register) for register in ("added", "removed")]
-        stamps[THERE] = max(stamp or ALWAYS for stamp in came_and_went)
+        stamps[THERE] = max(stamp or door_rows.ALWAYS for stamp in came_and_went)
         return cls(row, stamps)
 
 

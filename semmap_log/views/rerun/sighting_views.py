@@ -23,17 +23,7 @@ from semmap_log.views.palette import BEAM_SHORT, Palette, Rgb
 from semmap_log.views.rerun.drawable import drawable
 from semmap_log.views.rerun.rerun_sdk import rr
 from semmap_log.views.rerun.scene import HAPPENED, EntityPath, RowWriter, Scene, SceneDoor, rgba
-from semmap_log.views.sightings.visit_words import (
-    DoorScene,
-    Fate,
-    Points,
-    door_scene,
-    grounds,
-    on_the_map,
-    verdict,
-    when,
-    worth_a_look,
-)
+from semmap_log.views.sightings import visit_words
 
 SIGHTINGS = "sightings"
 MOST_DOORS = 24
@@ -103,7 +93,9 @@ def sightings_to_show(
     shown: set[tuple[DoorId, int]] = set()
     for door_id in drawn:
         visits = [kept.visit for kept in by_door[door_id]]
-        shown |= {(door_id, visits[n].last_ns) for n in worth_a_look(visits, MOST_VISITS)}
+        shown |= {
+            (door_id, visits[n].last_ns) for n in visit_words.worth_a_look(visits, MOST_VISITS)
+        }
     return SightingsShown(
         doors=drawn,
         visits=frozenset(shown),
@@ -180,15 +172,17 @@ class _DoorPen:
             self._write_style()
             self._has_begun = True
         visits, self._waiting = self._waiting, []
-        scenes = [door_scene(kept) for kept in visits]
+        scenes = [visit_words.door_scene(kept) for kept in visits]
         pairs = list(zip(visits, scenes, strict=True))
         rows = np.zeros(len(visits), ROW)
         rows["folds_ns"] = [kept.visit.last_ns for kept in visits]
         colours = rgba([self.palette.of_state(kept.visit.state) for kept in visits])
         self._strips(rows, "beams", [_beams(scene, kept.line) for kept, scene in pairs])
-        self._strips(rows, "track", [[on_the_map(s.track, k.line)] for k, s in pairs])
+        self._strips(rows, "track", [[visit_words.on_the_map(s.track, k.line)] for k, s in pairs])
         self._strips(rows, "line", [[_line(kept.line)] for kept in visits])
-        leaves = [list(on_the_map(s.leaves, k.line).reshape(-1, 2, 2)) for k, s in pairs]
+        leaves = [
+            list(visit_words.on_the_map(s.leaves, k.line).reshape(-1, 2, 2)) for k, s in pairs
+        ]
         self._strips(rows, "leaf", leaves, colours)
         self._points(rows, pairs)
         self._verdicts(rows, visits, colours)
@@ -223,7 +217,7 @@ class _DoorPen:
         )  # fmt: skip
 
     def _strips(
-        self, rows: Any, part: str, strips: Sequence[Sequence[Points]],
+        self, rows: Any, part: str, strips: Sequence[Sequence[visit_words.Points]],
         colours: NDArray[np.uint32] | None = None,
     ) -> None:  # fmt: skip
         """Write strips of each visit, or an empty set for a visit with none."""
@@ -239,7 +233,7 @@ class _DoorPen:
 
         self.writer.rows(self._entity(part), rows, columns, [HAPPENED])
 
-    def _points(self, rows: Any, pairs: Sequence[tuple[KeptVisit, DoorScene]]) -> None:
+    def _points(self, rows: Any, pairs: Sequence[tuple[KeptVisit, visit_words.DoorScene]]) -> None:
         """Write where beams ended, in the colours of their fates."""
         look = np.array([
             self.palette.plain_text, BEAM_SHORT, self.palette.closed, self.palette.open,
@@ -247,11 +241,15 @@ class _DoorPen:
         ])  # fmt: skip
         found = [_ends(scene) for _, scene in pairs]
         counts = np.array([len(ends) for ends, _ in found], np.uint32)
-        ends = [on_the_map(e, k.line) for (e, _), (k, _) in zip(found, pairs, strict=True)]
+        ends = [
+            visit_words.on_the_map(e, k.line) for (e, _), (k, _) in zip(found, pairs, strict=True)
+        ]
         positions = np.concatenate(ends).astype(np.float32)
         fates = np.concatenate([fates for _, fates in found])
         colours = rgba([tuple(colour) for colour in look.tolist()])[fates]
-        radii = rr.Radius.ui_points(np.where(fates == Fate.aside, ASIDE_POINTS, TOLD_POINTS))
+        radii = rr.Radius.ui_points(
+            np.where(fates == visit_words.Fate.aside, ASIDE_POINTS, TOLD_POINTS)
+        )
 
         def columns(_: Any) -> Sequence[Any]:
             told = rr.Points2D.columns(positions=positions, colors=colours, radii=radii)
@@ -271,33 +269,42 @@ class _DoorPen:
         self.writer.rows(self._entity("verdict"), rows, columns, [HAPPENED])
 
     def _words(self, visit: Visit) -> str:
-        lines = (verdict(visit), when(visit, self.tz), grounds(visit))
+        lines = (
+            visit_words.verdict(visit),
+            visit_words.when(visit, self.tz),
+            visit_words.grounds(visit),
+        )
         return "\n".join(drawable(line) for line in lines)
 
 
-def _beams(scene: DoorScene, line: DoorLine) -> Sequence[Points]:
+def _beams(scene: visit_words.DoorScene, line: DoorLine) -> Sequence[visit_words.Points]:
     toward = scene.beams.toward()
     some = np.linspace(0, len(toward.ends) - 1, min(len(toward.ends), MOST_BEAMS)).astype(int)
-    begins, ends = on_the_map(toward.begins[some], line), on_the_map(toward.ends[some], line)
+    begins, ends = (
+        visit_words.on_the_map(toward.begins[some], line),
+        visit_words.on_the_map(toward.ends[some], line),
+    )
     return list(np.stack([begins, ends], axis=1))
 
 
-def _ends(scene: DoorScene) -> tuple[Points, NDArray[np.uint8]]:
+def _ends(scene: visit_words.DoorScene) -> tuple[visit_words.Points, NDArray[np.uint8]]:
     """Return where beams ended around the door, and their fates; lost ones ended nowhere."""
     beams, middle = scene.beams, np.array([scene.width / 2, 0.0])
     reach = scene.width / 2 + AROUND_M
-    near = (np.abs(beams.ends - middle) <= reach).all(axis=1) & (beams.fates != Fate.lost)
+    near = (np.abs(beams.ends - middle) <= reach).all(axis=1) & (
+        beams.fates != visit_words.Fate.lost
+    )
     places = np.flatnonzero(near)
     some = np.linspace(0, len(places) - 1, min(len(places), MOST_POINTS)).astype(int)
     chosen = places[some]
     return beams.ends[chosen], beams.fates[chosen]
 
 
-def _line(line: DoorLine) -> Points:
-    return on_the_map(np.array([[0.0, 0.0], [line[3], 0.0]]), line)
+def _line(line: DoorLine) -> visit_words.Points:
+    return visit_words.on_the_map(np.array([[0.0, 0.0], [line[3], 0.0]]), line)
 
 
 def _above(line: DoorLine) -> tuple[float, float]:
     """Return where the words stand: at the upper edge of the view."""
-    x, y = on_the_map(np.array([[line[3] / 2, 0.0]]), line)[0]
+    x, y = visit_words.on_the_map(np.array([[line[3] / 2, 0.0]]), line)[0]
     return float(x), float(y) + line[3] / 2 + AROUND_M

@@ -15,24 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch, distinct
-from semmap_log.core.folds.door_changes import (
-    STATE,
-    STATE_CHANGE,
-    THERE,
-    chosen_of,
-    fill,
-    known_states,
-)
+from semmap_log.core.folds import door_changes
 from semmap_log.core.folds.thinned_runs import sightings_of_runs
 from semmap_log.core.folds.timeline import pass_begins
+from semmap_log.core.model import events
 from semmap_log.core.model.doors import DoorId
-from semmap_log.core.model.events import (
-    STATE_KINDS,
-    DoorObserved,
-    Event,
-    SightingsThinned,
-    field_names,
-)
 
 LEAST_ACCURACY, MOST_ACCURACY = 0.5, 0.999
 """The bounds of a sensor's accuracies; no reading proves more."""
@@ -114,8 +101,15 @@ def _added(llr: NDArray[np.float64], first: NDArray[np.intp]) -> NDArray[np.floa
 Rows = NDArray[np.void]
 
 
-REPORT = np.dtype([*((name, STATE_CHANGE[name]) for name in STATE_CHANGE.names or ()),
-                   ("sensor", "u4")])  # fmt: skip
+REPORT = np.dtype(
+    [
+        *(
+            (name, door_changes.STATE_CHANGE[name])
+            for name in door_changes.STATE_CHANGE.names or ()
+        ),
+        ("sensor", "u4"),
+    ]
+)
 """An event's report of a door's state, and the sensor that saw it: 26 bytes."""
 
 
@@ -164,12 +158,14 @@ class Reports:
 
     def take(self, batch: EventBatch) -> None:
         """Take in the reports of a batch."""
-        for kind in STATE_KINDS:
+        for kind in events.STATE_KINDS:
             if kind in batch:
-                places = chosen_of(batch, kind, setting=STATE | THERE)
+                places = door_changes.chosen_of(
+                    batch, kind, setting=door_changes.STATE | door_changes.THERE
+                )
                 if len(places):
                     self._take_kind(batch, kind, places)
-        if SightingsThinned in batch:
+        if events.SightingsThinned in batch:
             self._take_thinned(batch)
 
     def _take_thinned(self, batch: EventBatch) -> None:
@@ -177,21 +173,23 @@ class Reports:
 
         They have the number of the first: while that is here, too, they do not count.
         """
-        told = batch[SightingsThinned]
+        told = batch[events.SightingsThinned]
         of_row, seen_ns = sightings_of_runs(told)
         rows = self._room_for(len(of_row))
         rows["folds_ns"] = seen_ns
-        rows["door_id"], rows["kind"] = told["door_id"][of_row], SightingsThinned.kind
+        rows["door_id"], rows["kind"] = told["door_id"][of_row], events.SightingsThinned.kind
         rows["number"] = told["first_event"][of_row]
-        rows["state"] = known_states(told["state"])[of_row]
+        rows["state"] = door_changes.known_states(told["state"])[of_row]
         of_nobody = np.zeros(len(told), np.intp)
         rows["sensor"] = self._sensors_of(told, of_nobody, [""])[of_row]
 
-    def _take_kind(self, batch: EventBatch, kind: type[Event], places: NDArray[np.intp]) -> None:
+    def _take_kind(
+        self, batch: EventBatch, kind: type[events.Event], places: NDArray[np.intp]
+    ) -> None:
         rows = self._room_for(len(places))
-        fill(rows, batch, kind, places)
-        rows["state"] = known_states(rows["state"])
-        if "accuracy_open" in field_names(kind):
+        door_changes.fill(rows, batch, kind, places)
+        rows["state"] = door_changes.known_states(rows["state"])
+        if "accuracy_open" in events.field_names(kind):
             codes, names = batch.sources(kind)
             rows["sensor"] = self._sensors_of(batch[kind][places], codes[places], names)
 
@@ -307,11 +305,11 @@ class Reports:
 
 def _that_count(rows: Rows) -> Rows:
     """Return the reports, without records of thinned sightings that are still in the log."""
-    is_told = rows["kind"] == SightingsThinned.kind
+    is_told = rows["kind"] == events.SightingsThinned.kind
     if not is_told.any():
         return rows
     is_there = np.isin(rows["number"], rows["number"][~is_told]) & (rows["number"] > 0)
-    rows["kind"][is_told] = DoorObserved.kind
+    rows["kind"][is_told] = events.DoorObserved.kind
     counting: Rows = rows[~(is_told & is_there)]
     return counting
 

@@ -7,20 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.probabilities.chain import regimes
+from semmap_log.analysis.probabilities.chain import matrix_scan, regimes
 from semmap_log.analysis.probabilities.chain.looks import (
     LOOK_NS,
     held_at,
     is_certain,
     looks,
     seen_between,
-)
-from semmap_log.analysis.probabilities.chain.matrix_scan import (
-    Steps,
-    filtered,
-    likelihood,
-    states,
-    weighed,
 )
 from semmap_log.analysis.probabilities.evidence.day_tables import LONGEST_GAP_D, DayRows, Days
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
@@ -92,12 +85,16 @@ class BeliefHistory:
         """(n,): what the schedule forecast."""
         steps = self._steps(times_ns - seen.gap_ns, times_ns, self._tends_to)
         first = regimes.long_run(self._tends_to[:1])[0]
-        self._p_open, before = filtered(_certain_apart(steps, seen.llr), seen.llr, first)
+        self._p_open, before = matrix_scan.filtered(
+            _certain_apart(steps, seen.llr), seen.llr, first
+        )
         """(n, regimes)."""
         predicted = steps.predicted(before)
         self._spread = self._spreads(predicted)
         """(n, regimes)."""
-        said = np.where(seen.llr[:, None] == 0, 0.0, np.log(likelihood(predicted, seen.llr)))
+        said = np.where(
+            seen.llr[:, None] == 0, 0.0, np.log(matrix_scan.likelihood(predicted, seen.llr))
+        )
         total = np.concatenate([np.zeros_like(said[:1]), np.cumsum(said, axis=0)])
         self._told = total[1:] - total[np.searchsorted(self._row, self._row)]
         """(n, regimes): log-likelihood of what was seen since midnight."""
@@ -139,10 +136,12 @@ class BeliefHistory:
             llr = seen_between(evidence, seen.sightings[place[more]], behind[more])
             tends_to = self._schedule.p_open(last_ns, last_ns)
             predicted = self._steps(told_ns[more], last_ns, tends_to).predicted(p_open[more])
-            p_open[more] = weighed(np.where(is_certain(llr)[:, None], 0.5, predicted), llr)
+            p_open[more] = matrix_scan.weighed(
+                np.where(is_certain(llr)[:, None], 0.5, predicted), llr
+            )
             is_today = self._rows(last_ns) == row[more]
             told[more] = np.where(is_today[:, None], told[more], 0.0)
-            told[more] += np.log(likelihood(predicted, llr))
+            told[more] += np.log(matrix_scan.likelihood(predicted, llr))
             row[more] = self._rows(last_ns)
             told_ns[more] = seen_ns[more] = last_ns
         likely = np.exp(told - told.max(1, keepdims=True))
@@ -201,7 +200,7 @@ class BeliefHistory:
     def _row_of(self, day: Days) -> NDArray[np.intp]:
         return np.clip(self._days.row(day), 0, len(self._days) - 1)
 
-    def _steps(self, from_ns: Times, to_ns: Times, tends_to: Reals) -> Steps:
+    def _steps(self, from_ns: Times, to_ns: Times, tends_to: Reals) -> matrix_scan.Steps:
         """Return how the door may have changed, by what was known at the end, (n, regimes).
 
         Args:
@@ -215,7 +214,9 @@ class BeliefHistory:
         # A surprise stays possible, by the half hour: looks in a row leave no room for a hundred.
         least = LEAST * np.minimum((to_ns - from_ns) / LOOK_NS, 1.0)[:, None]
         from_closed = np.clip(here - before * kept, least, 1 - least)
-        return Steps(from_closed, np.clip(here + (1 - before) * kept, from_closed, 1 - least))
+        return matrix_scan.Steps(
+            from_closed, np.clip(here + (1 - before) * kept, from_closed, 1 - least)
+        )
 
     def _spreads(self, predicted: Reals) -> Reals:
         """Return (n, regimes): how unsure each belief is.
@@ -232,7 +233,7 @@ class BeliefHistory:
         leans = np.sqrt(self._schedule.variance_of_hours(self._looks.times_ns))[:, None]
         steps = np.zeros((2, 2, *after.shape))
         steps[0, 0], steps[0, 1], steps[1, 1] = moved * kept, moved * (1 - kept) * leans, 1.0
-        carried, one = states(steps, np.repeat([[0.0], [1.0]], after.shape[1], axis=1))
+        carried, one = matrix_scan.states(steps, np.repeat([[0.0], [1.0]], after.shape[1], axis=1))
         found = np.zeros_like(self._p_open)
         found[:, follows] = carried / one
         return found
@@ -268,11 +269,13 @@ class BeliefHistory:
             then_ns - seen_ns,
         )
         found = np.zeros_like(self._p_open)
-        found[scored] = np.log(likelihood(each, seen.llr[scored]))
+        found[scored] = np.log(matrix_scan.likelihood(each, seen.llr[scored]))
         return found
 
 
-def _certain_apart(steps: Steps, llr: Reals) -> Steps:
+def _certain_apart(steps: matrix_scan.Steps, llr: Reals) -> matrix_scan.Steps:
     """Return the same steps, but from either state as likely where what is seen says all."""
     sure = is_certain(llr)[:, None]
-    return Steps(*(np.where(sure, 0.5, part) for part in (steps.from_closed, steps.from_open)))
+    return matrix_scan.Steps(
+        *(np.where(sure, 0.5, part) for part in (steps.from_closed, steps.from_open))
+    )

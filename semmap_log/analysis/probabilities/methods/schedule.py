@@ -23,12 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.analysis.probabilities.evidence.day_tables import (
-    HALF_LIFE_D,
-    DayRows,
-    DayTables,
-    covered_ns,
-)
+from semmap_log.analysis.probabilities.evidence import day_tables
 from semmap_log.analysis.probabilities.evidence.evidence import DoorEvidence
 from semmap_log.analysis.probabilities.forecast import LEAST, MOST, PRIOR_P, Forecast, Probabilities
 from semmap_log.analysis.probabilities.methods.by_door import LearntByDoor
@@ -207,7 +202,7 @@ class _OfLead:
     """A schedule's forecasts at one lead; most leads are never requested."""
 
     def __init__(
-        self, by_table: Habits, tables: DayTables, slot_rates: SlotRates, lead: int
+        self, by_table: Habits, tables: day_tables.DayTables, slot_rates: SlotRates, lead: int
     ) -> None:
         lead_d = int(LEADS_D[lead])
         self._worth = weights(by_table, tables, lead_d)
@@ -265,7 +260,7 @@ class Schedule:
         return LearntByDoor(evidence, lambda of_door: DoorSchedule(of_door, clock))
 
 
-def _seen_h(tables: DayTables) -> Table:
+def _seen_h(tables: day_tables.DayTables) -> Table:
     """Return (rows, 24): hours known at that time of day by each midnight, an hour more or less."""
     if not len(tables):
         return np.zeros((0, 24))
@@ -276,7 +271,7 @@ def _seen_h(tables: DayTables) -> Table:
 Reals = NDArray[np.float64]
 
 
-def noise_of(evidence: DoorEvidence, tables: DayTables, clock: LocalClock) -> Reals:
+def noise_of(evidence: DoorEvidence, tables: day_tables.DayTables, clock: LocalClock) -> Reals:
     """Return (rows,): the variance of what a known hour says of the door, by its readings' errors.
 
     A corrected reading (see `day_tables`) errs by a (1 - a) / J^2, and counts as J^2 of an hour;
@@ -303,7 +298,7 @@ def noise_of(evidence: DoorEvidence, tables: DayTables, clock: LocalClock) -> Re
         return so_far(np.bincount(day[own], of_visits, len(tables)))
 
     edges_ns = clock.midnights_ns(tables.rows.midnights)
-    held_h = covered_ns(evidence.start_ns, evidence.end_ns, edges_ns) / HOUR_NS
+    held_h = day_tables.covered_ns(evidence.start_ns, evidence.end_ns, edges_ns) / HOUR_NS
     known_h = so_far(tables.known_h.sum(1))
     read_h = np.maximum(known_h - (held_h - held_h[0]), 0.0)
     evidence_h, visits = by_day((when_open + when_closed - 1) ** 2), by_day(np.ones(len(errs)))
@@ -348,8 +343,8 @@ class OfSlots(NamedTuple):
 class SlotRates:
     """P(open) of blocks, from their own evidence alone."""
 
-    def __init__(self, tables: DayTables) -> None:
-        sums = discounted(weekly_sums(tables), tables.rows.lasts_d, HALF_LIFE_D)
+    def __init__(self, tables: day_tables.DayTables) -> None:
+        sums = discounted(weekly_sums(tables), tables.rows.lasts_d, day_tables.HALF_LIFE_D)
         self._weeks = np.ascontiguousarray(sums.swapaxes(0, 1)).reshape(2, -1)
         """(2, cells): how many weeks each was open, and known."""
 
@@ -364,7 +359,7 @@ class SlotRates:
         slab = SLAB_WEEKS * np.maximum(schedule, SLAB_P)[..., None]
         opened, known = self._of_blocks(cells)
         if idle_d is not None:
-            still = kept(HALF_LIFE_D, idle_d[..., None])
+            still = kept(day_tables.HALF_LIFE_D, idle_d[..., None])
             opened, known = still * opened, still * known
         found = (opened + slab) / (known + SLAB_WEEKS)
         return np.asarray(np.clip(found, LEAST, MOST), np.float64)
@@ -386,7 +381,9 @@ class SlotRates:
 class Slots:
     """The slots of a door for forecasts of one lead, as each midnight knew them."""
 
-    def __init__(self, said: Tables, tables: DayTables, rates: SlotRates, lead_d: int) -> None:
+    def __init__(
+        self, said: Tables, tables: day_tables.DayTables, rates: SlotRates, lead_d: int
+    ) -> None:
         """Find them.
 
         Args:
@@ -440,7 +437,7 @@ class _Trials(NamedTuple):
     first_weekday: int
 
     @classmethod
-    def of(cls, tables: DayTables, lead_d: int) -> _Trials:
+    def of(cls, tables: day_tables.DayTables, lead_d: int) -> _Trials:
         lag = tables.rows.before(lead_d)
         known = tables.known_h[..., None]
         # A reading that is corrected below zero says that the door was closed, and no more: else
@@ -500,7 +497,7 @@ def _weights(gain: Tables, trials: _Trials) -> Tables:
     return earned
 
 
-def _heard(gain: Tables, rows: DayRows, lead_d: int) -> Tables:
+def _heard(gain: Tables, rows: day_tables.DayRows, lead_d: int) -> Tables:
     """Return (rows + 1,): how much slots count, given their gains on each day."""
     share = HEARD_SHARE / (1 + lead_d)
     found = [HEARD]

@@ -28,13 +28,7 @@ from semmap_log.analysis.probabilities.evidence.visits import (
     Rows,
     Sensor,
 )
-from semmap_log.analysis.probabilities.sensors.sensor_shares import (
-    FEWEST,
-    Seen,
-    by_neighbours,
-    by_passages,
-    by_repeats,
-)
+from semmap_log.analysis.probabilities.sensors import sensor_shares
 from semmap_log.analysis.probabilities.sensors.sensor_visits import SensorVisits, Triples
 from semmap_log.core.batches.event_batch import distinct, placed
 from semmap_log.core.model.doors import DoorId
@@ -54,8 +48,8 @@ class SensorDoubt:
 
     sensor: Sensor
     """As it was declared."""
-    when_open: Seen
-    when_closed: Seen
+    when_open: sensor_shares.Seen
+    when_closed: sensor_shares.Seen
     readings: int
     doors: int
     p_open_off: float
@@ -106,7 +100,7 @@ def sensor_doubts(
     found = []
     for codes in kinds.values():
         of_kind = rows[np.isin(rows["sensor"], codes)] if len(kinds) > 1 else rows
-        if len(of_kind) >= FEWEST:
+        if len(of_kind) >= sensor_shares.FEWEST:
             doubt = _doubt_of(of_kind, sensors[codes[0]], passages)
             found += [] if doubt is None else [doubt]
     return found
@@ -126,12 +120,12 @@ def _doubt_of(rows: Rows, sensor: Sensor, passages: Rows) -> SensorDoubt | None:
     for state, (here, other) in enumerate((right, right[::-1])):
         is_open = state == 0
         candidates = [
-            by_passages(rows, passages, here) if is_open else None,
-            by_repeats(Triples.of(rows, visits, is_open=is_open), here, other),
-            by_neighbours(visits, here, is_open=is_open),
+            sensor_shares.by_passages(rows, passages, here) if is_open else None,
+            sensor_shares.by_repeats(Triples.of(rows, visits, is_open=is_open), here, other),
+            sensor_shares.by_neighbours(visits, here, is_open=is_open),
         ]
         known = [one for one in candidates if one is not None]
-        seen.append(known[0] if known else Seen(here, here, here, ""))
+        seen.append(known[0] if known else sensor_shares.Seen(here, here, here, ""))
     if not any(one.how for one in seen):
         return None
     found = np.array([one.accuracy for one in seen])

@@ -29,18 +29,11 @@ from semmap_log.interop.formats.files.building_level import LevelFrame, Storey, 
 from semmap_log.interop.formats.files.csv_blocks import Row, read_rows
 from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor
 from semmap_log.interop.formats.files.floor_plan import Outlines, Segment, draw_floor
+from semmap_log.interop.formats.parsing import yaml_values
 from semmap_log.interop.formats.parsing.foreign_file import numbered_lines
 from semmap_log.interop.formats.parsing.problems import Problems, shown
 from semmap_log.interop.formats.parsing.strict_yaml import Mapping, Node, Scalar, load_yaml
 from semmap_log.interop.formats.parsing.text_column import meant
-from semmap_log.interop.formats.parsing.yaml_values import (
-    Fields,
-    described,
-    mapping_of,
-    number_of,
-    sequence_of,
-    text_of,
-)
 from semmap_log.log.door_log.rebasing import PointPair
 
 PIXELS = "reference_image"
@@ -113,7 +106,7 @@ def _level_readers(
     Raises:
         FormatError: The file cannot be read, is not such a building, or has no such level.
     """
-    root = mapping_of(load_yaml(path), "a building", problems)
+    root = yaml_values.mapping_of(load_yaml(path), "a building", problems)
     problems.raise_any()
     assert root is not None
     in_pixels = _in_pixels(root, problems)
@@ -150,7 +143,8 @@ def _in_pixels(root: Mapping, problems: Problems) -> bool:
     if isinstance(node, Scalar) and node.value in (PIXELS, METRES):
         return node.value == PIXELS
     problems.add(
-        node.line, f"coordinate_system: expected {PIXELS} or {METRES}, got {described(node)}"
+        node.line,
+        f"coordinate_system: expected {PIXELS} or {METRES}, got {yaml_values.described(node)}",
     )
     return True
 
@@ -163,10 +157,10 @@ def _storeys(root: Mapping, problems: Problems) -> list[Storey]:
             root.line, "expected an Open-RMF building, which has the key levels; this file has none"
         )
         return []
-    levels = mapping_of(node, "levels", problems)
+    levels = yaml_values.mapping_of(node, "levels", problems)
     storeys = []
     for name, value in levels.entries.items() if levels else ():
-        storey = mapping_of(value, f"level {shown(name)}", problems)
+        storey = yaml_values.mapping_of(value, f"level {shown(name)}", problems)
         if storey is not None:
             storeys.append(Storey(name, _elevation_m(name, storey, problems), storey))
     if len(storeys) > MAX_LEVEL:
@@ -178,7 +172,7 @@ def _elevation_m(name: str, storey: Mapping, problems: Problems) -> float:
     node = storey.entries.get("elevation")
     if node is None:
         return 0.0
-    return number_of(node, f"level {shown(name)}: elevation", problems) or 0.0
+    return yaml_values.number_of(node, f"level {shown(name)}: elevation", problems) or 0.0
 
 
 def _lifts(root: Mapping, levels: list[StoreyReader], problems: Problems) -> FoundLifts:
@@ -312,12 +306,12 @@ class LiftsReader:
         """
         self._names = set(names)
         for name, node in self._entries(self._root, "lifts", "lifts").items():
-            lift = mapping_of(node, f"lift {shown(name)}", self._problems)
+            lift = yaml_values.mapping_of(node, f"lift {shown(name)}", self._problems)
             if lift is not None:
-                self._lift(name, Fields(f"lift {shown(name)}", lift, self._problems))
+                self._lift(name, yaml_values.Fields(f"lift {shown(name)}", lift, self._problems))
         return self._found
 
-    def _lift(self, name: str, lift: Fields) -> None:
+    def _lift(self, name: str, lift: yaml_values.Fields) -> None:
         doors = self._cabin_doors(lift)
         served = list(self._served(lift, doors))
         if not name or not served:
@@ -362,16 +356,18 @@ class LiftsReader:
         self._names.add((level, name))
         return name
 
-    def _cabin_doors(self, lift: Fields) -> dict[str, _CabinDoor]:
+    def _cabin_doors(self, lift: yaml_values.Fields) -> dict[str, _CabinDoor]:
         doors = {}
         for name, node in self._entries(lift.mapping, "doors", f"{lift.what}: doors").items():
             what = f"{lift.what}: door {shown(name)}"
-            mapping = mapping_of(node, what, self._problems)
+            mapping = yaml_values.mapping_of(node, what, self._problems)
             if mapping is not None:
-                doors[name] = self._cabin_door(name, Fields(what, mapping, self._problems))
+                doors[name] = self._cabin_door(
+                    name, yaml_values.Fields(what, mapping, self._problems)
+                )
         return doors
 
-    def _cabin_door(self, name: str, door: Fields) -> _CabinDoor:
+    def _cabin_door(self, name: str, door: yaml_values.Fields) -> _CabinDoor:
         axis = door.mapping.entries.get("motion_axis_orientation")
         width_m = door.number("width")
         if width_m <= 0:
@@ -381,7 +377,10 @@ class LiftsReader:
             door.mapping.line,
             name,
             complex(door.number("x"), door.number("y")),
-            (number_of(axis, f"{door.what}: motion_axis_orientation", self._problems) or 0.0)
+            (
+                yaml_values.number_of(axis, f"{door.what}: motion_axis_orientation", self._problems)
+                or 0.0
+            )
             if axis
             else 0.0,
             width_m,
@@ -389,7 +388,7 @@ class LiftsReader:
         )
 
     def _served(
-        self, lift: Fields, doors: dict[str, _CabinDoor]
+        self, lift: yaml_values.Fields, doors: dict[str, _CabinDoor]
     ) -> Iterator[tuple[StoreyReader, list[str]]]:
         """Yield the levels that a lift serves, with the names of its doors there."""
         what = f"{lift.what}: level_doors"
@@ -411,12 +410,12 @@ class LiftsReader:
             if names := [each for each in names if each in doors]:
                 yield level, names
 
-    def _reference(self, lift: Fields) -> StoreyReader | None:
+    def _reference(self, lift: yaml_values.Fields) -> StoreyReader | None:
         """Return the level on which a lift is drawn; the building's reference level by default."""
         node = lift.mapping.entries.get("reference_floor_name")
         if node is None:
             return reference_level(self._root, [*self._levels.values()], self._problems)
-        name = text_of(node, f"{lift.what}: reference_floor_name", self._problems)
+        name = yaml_values.text_of(node, f"{lift.what}: reference_floor_name", self._problems)
         if name is not None and name not in self._levels:
             known = ", ".join(self._levels)
             self._problems.add(
@@ -431,12 +430,12 @@ class LiftsReader:
         node = mapping.entries.get(key)
         if node is None or (isinstance(node, Scalar) and node.value is None):
             return {}
-        found = mapping_of(node, what, self._problems)
+        found = yaml_values.mapping_of(node, what, self._problems)
         return found.entries if found else {}
 
     def _texts(self, node: Node, what: str) -> Iterator[str]:
-        found = sequence_of(node, what, self._problems)
+        found = yaml_values.sequence_of(node, what, self._problems)
         for item in found.items if found else ():
-            text = text_of(item, what, self._problems)
+            text = yaml_values.text_of(item, what, self._problems)
             if text is not None:
                 yield text

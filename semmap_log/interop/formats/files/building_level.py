@@ -10,15 +10,9 @@ from dataclasses import dataclass
 from semmap_log.core.lazily import computed_once
 from semmap_log.interop.formats.files.door_table import TableDoor, TablePlace
 from semmap_log.interop.formats.files.floor_plan import Outlines, Point, Segment
+from semmap_log.interop.formats.parsing import yaml_values
 from semmap_log.interop.formats.parsing.problems import Problems, shown
 from semmap_log.interop.formats.parsing.strict_yaml import Mapping, Node, Scalar, Sequence
-from semmap_log.interop.formats.parsing.yaml_values import (
-    mapping_of,
-    number_of,
-    sequence_of,
-    text_of,
-    whole_of,
-)
 
 FARTHEST_M = 100_000.0
 """A vertex farther than this from the zero point is a slip of the pen, not a building."""
@@ -161,7 +155,7 @@ class StoreyReader:
             node = node.items[1]
         if node is None or (isinstance(node, Scalar) and node.value in {None, ""}):
             return None
-        return text_of(node, f"a door's {key}", self.problems)
+        return yaml_values.text_of(node, f"a door's {key}", self.problems)
 
     # Metres
 
@@ -195,13 +189,15 @@ class StoreyReader:
         """
         found = []
         for node in self._list("fiducials"):
-            parts = sequence_of(node, "a fiducial", self.problems)
+            parts = yaml_values.sequence_of(node, "a fiducial", self.problems)
             if parts is None or len(parts.items) < 3:
                 if parts is not None:
                     self.problems.add(node.line, "expected a fiducial [x, y, name], got fewer")
                 continue
-            x, y = (number_of(part, "a fiducial", self.problems) for part in parts.items[:2])
-            name = text_of(parts.items[2], "a fiducial's name", self.problems)
+            x, y = (
+                yaml_values.number_of(part, "a fiducial", self.problems) for part in parts.items[:2]
+            )
+            name = yaml_values.text_of(parts.items[2], "a fiducial's name", self.problems)
             if x is not None and y is not None and name is not None:
                 found.append((name, complex(x, -y)))
         counts = Counter(name for name, _ in found)
@@ -249,7 +245,7 @@ class StoreyReader:
         if node is None:
             self.problems.add(edge.line, "a measurement: expected a distance, got none")
             return None
-        return number_of(node, "a measurement's distance", self.problems)
+        return yaml_values.number_of(node, "a measurement's distance", self.problems)
 
     # As in the file
 
@@ -257,13 +253,15 @@ class StoreyReader:
     def _raw_vertices(self) -> list[Point | None]:
         points: list[Point | None] = []
         for node in self._list("vertices"):
-            vertex = sequence_of(node, "a vertex", self.problems)
+            vertex = yaml_values.sequence_of(node, "a vertex", self.problems)
             if vertex is not None and len(vertex.items) < 2:
                 self.problems.add(node.line, "expected a vertex [x, y, …], got fewer values")
             if vertex is None or len(vertex.items) < 2:
                 points.append(None)
                 continue
-            x, y = (number_of(part, "a vertex", self.problems) for part in vertex.items[:2])
+            x, y = (
+                yaml_values.number_of(part, "a vertex", self.problems) for part in vertex.items[:2]
+            )
             points.append(None if x is None or y is None else (x, y))
         return points
 
@@ -273,7 +271,7 @@ class StoreyReader:
 
     def _edge(self, node: Node, what: str, vertices: list[Point | None]) -> _Edge | None:
         """Return the edge `[start, end, {…}]`; None where it, or one of its vertices, is wrong."""
-        parts = sequence_of(node, what, self.problems)
+        parts = yaml_values.sequence_of(node, what, self.problems)
         if parts is None:
             return None
         if len(parts.items) < 2:
@@ -288,7 +286,7 @@ class StoreyReader:
     def _polygons(self, key: str) -> list[list[Point]]:
         polygons = []
         for node in self._list(key):
-            polygon = mapping_of(node, f"one of the {key}", self.problems)
+            polygon = yaml_values.mapping_of(node, f"one of the {key}", self.problems)
             corners = polygon.entries.get("vertices") if polygon else None
             if isinstance(corners, Sequence):
                 found = [self._vertex(part, key, self._vertices) for part in corners.items]
@@ -296,7 +294,7 @@ class StoreyReader:
         return [polygon for polygon in polygons if len(polygon) >= 3]
 
     def _vertex(self, node: Node, what: str, vertices: list[Point | None]) -> Point | None:
-        index = whole_of(node, what, self.problems)
+        index = yaml_values.whole_of(node, what, self.problems)
         if index is None:
             return None
         if 0 <= index < len(vertices):
@@ -315,7 +313,9 @@ class StoreyReader:
             return []
         if isinstance(node, Mapping) and not node.entries:  # traffic_editor writes {} for none
             return []
-        found = sequence_of(node, f"level {shown(self.storey.name)}: {key}", self.problems)
+        found = yaml_values.sequence_of(
+            node, f"level {shown(self.storey.name)}: {key}", self.problems
+        )
         return found.items if found else []
 
 

@@ -19,32 +19,12 @@ from numpy.typing import NDArray
 from semmap_log.core.model.doors import NAN, DoorState
 from semmap_log.core.model.events import Event
 from semmap_log.core.model.moments import format_wall, zone
-from semmap_log.interop.formats.files.csv_blocks import (
-    MOST_LINE_BYTES,
-    Columns,
-    CsvBlocks,
-    ForeignRows,
-    Row,
-)
+from semmap_log.interop.formats.files import csv_blocks, csv_windows
 from semmap_log.interop.formats.files.csv_sightings import Sighting, SightingColumns, Sightings
-from semmap_log.interop.formats.files.csv_windows import (
-    KnownTimes,
-    KnownWindow,
-    instants_in,
-    instants_of,
-    read_windows,
-)
 from semmap_log.interop.formats.files.door_table import TableForm
+from semmap_log.interop.formats.parsing import text_column
 from semmap_log.interop.formats.parsing.foreign_file import FileOrder, numbered_lines
 from semmap_log.interop.formats.parsing.problems import Problems, shown
-from semmap_log.interop.formats.parsing.text_column import (
-    TextCodes,
-    TextColumn,
-    decimals_in,
-    harmless,
-    is_written_otherwise,
-    meant,
-)
 
 COLUMNS = ("timestamp", "door", "state", "accuracy")
 MOST_NAME = 1_000
@@ -68,13 +48,13 @@ def read_door_csv(
         MomentError: There is no such zone.
     """
     zone(tz)
-    known = None if windows is None else read_windows(windows, tz=tz)
+    known = None if windows is None else csv_windows.read_windows(windows, tz=tz)
     reader = _Reader(Problems(path), known, tz, accuracy)
     left_out: tuple[str, ...] = ()
     if form is None and not _has_semicolons(path):
         _read_ours(path, reader)
     else:
-        foreign = ForeignRows(path, form or TableForm(), reader.problems)
+        foreign = csv_blocks.ForeignRows(path, form or TableForm(), reader.problems)
         for rows in foreign.blocks():
             reader.read(rows)
         left_out = foreign.left_out()
@@ -86,7 +66,7 @@ def read_door_csv(
 
 def _read_ours(path: Path, reader: _Reader) -> None:
     """Read a file of our own form, whole blocks at once where they are plain."""
-    table = CsvBlocks(
+    table = csv_blocks.CsvBlocks(
         path, reader.problems, required=COLUMNS[:3], optional=COLUMNS[3:],
         hint="; of another system's: --columns, or --preset",
     )  # fmt: skip
@@ -100,7 +80,7 @@ def _read_ours(path: Path, reader: _Reader) -> None:
 
 def _has_semicolons(path: Path) -> bool:
     """Return whether semicolons separate the header's names, as some spreadsheets write them."""
-    _, header = next(numbered_lines(path, most_bytes=MOST_LINE_BYTES), (1, ""))
+    _, header = next(numbered_lines(path, most_bytes=csv_blocks.MOST_LINE_BYTES), (1, ""))
     return ";" in header and "," not in header
 
 
@@ -114,7 +94,8 @@ def dump_door_csv(rows: Iterable[Sighting], *, tz: str) -> Iterator[str]:
     yield ",".join(COLUMNS) + "\n"
     for ns, door, state, accuracy in rows:
         shown_accuracy = "" if math.isnan(accuracy) else repr(float(accuracy))
-        yield f"{format_wall(ns, tz)},{_quoted(harmless(door))},{state.name},{shown_accuracy}\n"
+        name = _quoted(text_column.harmless(door))
+        yield f"{format_wall(ns, tz)},{name},{state.name},{shown_accuracy}\n"
 
 
 def sighting_of(event: Event, *, happened_ns: int, door: str) -> Sighting | None:
@@ -136,7 +117,7 @@ class _Reader:
     def __init__(
         self,
         problems: Problems,
-        windows: dict[str, list[KnownWindow]] | None,
+        windows: dict[str, list[csv_windows.KnownWindow]] | None,
         tz: str,
         accuracy: float | None,
     ) -> None:
@@ -146,9 +127,9 @@ class _Reader:
         self.accuracy = NAN if accuracy is None else accuracy
         """Of rows without one."""
         self.order = FileOrder(tz)
-        self.names = TextCodes()
-        self.states = TextCodes()
-        self.known: list[KnownTimes | None] = []
+        self.names = text_column.TextCodes()
+        self.states = text_column.TextCodes()
+        self.known: list[csv_windows.KnownTimes | None] = []
         """Of each door; None: at all times."""
         self.last_ns = np.zeros(16, np.int64)
         """Of each door: when its last row happened."""
@@ -164,7 +145,7 @@ class _Reader:
         """Names, in order of their first rows."""
         return [text.decode() for text in self.names.texts]
 
-    def take(self, columns: Columns) -> bool:
+    def take(self, columns: csv_blocks.Columns) -> bool:
         """Keep the rows of a plain block all at once; False: something about them is odd."""
         times, names, states, accuracies = columns.texts
         assert times is not None
@@ -172,9 +153,9 @@ class _Reader:
         assert states is not None
         if not columns.lines:
             return True
-        ns, second_ns, wrong = instants_in(times, tz=self.tz)
+        ns, second_ns, wrong = csv_windows.instants_in(times, tz=self.tz)
         state = self.state_numbers(states)
-        accuracy = None if accuracies is None else decimals_in(accuracies)
+        accuracy = None if accuracies is None else text_column.decimals_in(accuracies)
         if wrong or state is None or not _are_shares(accuracy, accuracies):
             return False
         if (ns != second_ns).any():  # the order of the rows decides
@@ -190,7 +171,7 @@ class _Reader:
         self.kept.add(door, ns, state, accuracy)
         return True
 
-    def state_numbers(self, column: TextColumn) -> NDArray[np.uint8] | None:
+    def state_numbers(self, column: text_column.TextColumn) -> NDArray[np.uint8] | None:
         """Return the states; None: one of the texts is none."""
         codes = self.states.codes_of(column, accepts=_is_state)
         if codes is None:
@@ -198,7 +179,7 @@ class _Reader:
         known = [DoorState.parse(text.decode()) for text in self.states.texts]
         return np.array(known, np.uint8)[codes]
 
-    def door_numbers(self, column: TextColumn) -> NDArray[np.int64] | None:
+    def door_numbers(self, column: text_column.TextColumn) -> NDArray[np.int64] | None:
         """Return the doors, new ones among them; None: a name is odd."""
         if self.has_odd_names:  # what is read as one of them may be written as another
             return None
@@ -220,9 +201,9 @@ class _Reader:
         self.last_ns[door] = ns  # of assignments to the same place numpy keeps the last
         return True
 
-    def read(self, rows: list[Row]) -> None:
+    def read(self, rows: list[csv_blocks.Row]) -> None:
         """Read rows one by one."""
-        first, second, wrong = instants_of([row.texts[0] for row in rows], tz=self.tz)
+        first, second, wrong = csv_windows.instants_of([row.texts[0] for row in rows], tz=self.tz)
         stamps = zip(rows, first.tolist(), second.tolist(), strict=True)
         for index, ((line, (_, name, state_text, accuracy_text)), ns, later_ns) in enumerate(
             stamps
@@ -231,7 +212,7 @@ class _Reader:
                 return
             state = self.parsed_state(state_text, line)
             accuracy = self.parsed_accuracy(accuracy_text, line) if accuracy_text else self.accuracy
-            named = meant(name)
+            named = text_column.meant(name)
             door = self.names.code_of(named.encode())
             if door is None:
                 door = self.new_door(named, line)
@@ -304,7 +285,7 @@ class _Reader:
                 f"expected a door's name, of at most {MOST_NAME} characters, got {shown(name)}",
             )
             return None
-        self.has_odd_names |= is_written_otherwise(name)
+        self.has_odd_names |= text_column.is_written_otherwise(name)
         door = self.names.add(name.encode())
         self.begin(name)
         return door
@@ -312,7 +293,7 @@ class _Reader:
     def begin(self, name: str) -> None:
         """Make room for what is remembered of one more door."""
         windows = (self.windows or {}).get(name)
-        self.known.append(KnownTimes(windows) if windows else None)
+        self.known.append(csv_windows.KnownTimes(windows) if windows else None)
         if len(self.known) > len(self.last_ns):
             self.last_ns = np.concatenate([self.last_ns, np.zeros_like(self.last_ns)])
 
@@ -347,7 +328,7 @@ class _Reader:
 
 def _is_plain_name(text: bytes) -> bool:
     name = text.decode()
-    return bool(name) and name == name.strip() and not is_written_otherwise(name)
+    return bool(name) and name == name.strip() and not text_column.is_written_otherwise(name)
 
 
 def _is_state(text: bytes) -> bool:
@@ -358,7 +339,7 @@ def _is_state(text: bytes) -> bool:
     return True
 
 
-def _are_shares(accuracy: NDArray[np.float64] | None, texts: TextColumn | None) -> bool:
+def _are_shares(accuracy: NDArray[np.float64] | None, texts: text_column.TextColumn | None) -> bool:
     """Return whether all accuracies are from 0.5 to 1, or not given."""
     if accuracy is None or texts is None:
         return True
@@ -369,7 +350,7 @@ STATES = {text: state for state in DoorState for text in (state.name, state.name
 
 
 def _check_known_doors(
-    path: Path, windows: dict[str, list[KnownWindow]], doors: Iterable[str]
+    path: Path, windows: dict[str, list[csv_windows.KnownWindow]], doors: Iterable[str]
 ) -> None:
     """Raise where a window is of a door that has no row."""
     problems = Problems(path)

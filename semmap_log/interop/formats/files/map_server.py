@@ -32,15 +32,9 @@ from numpy.typing import NDArray
 from semmap_log.analysis.costmap_2d.map_rules import MODES, MapRules, Mode, Pixels, RulesName
 from semmap_log.core.model.events import FloorMap
 from semmap_log.errors import FormatError
+from semmap_log.interop.formats.parsing import strict_yaml
 from semmap_log.interop.formats.parsing.foreign_file import decode_utf8, open_regular, read_capped
 from semmap_log.interop.formats.parsing.problems import Problems
-from semmap_log.interop.formats.parsing.strict_yaml import (
-    MOST_BYTES,
-    Mapping,
-    Scalar,
-    load_yaml,
-    parse_yaml,
-)
 from semmap_log.interop.formats.parsing.yaml_values import Fields, mapping_of
 
 if TYPE_CHECKING:
@@ -115,7 +109,7 @@ class _Header:
 
 def _read_header(path: Path, rules: RulesName) -> _Header:
     problems = Problems(path)
-    root = mapping_of(load_yaml(path, takes_nan=True), "a map", problems)
+    root = mapping_of(strict_yaml.load_yaml(path, takes_nan=True), "a map", problems)
     problems.raise_any()
     assert root is not None
     fields = Fields("a map", root, problems)
@@ -145,7 +139,7 @@ def _threshold(fields: Fields, key: str) -> float:
 
 def _negate(fields: Fields, rules: RulesName) -> bool:
     node = fields.node("negate")
-    value = node.value if isinstance(node, Scalar) else None
+    value = node.value if isinstance(node, strict_yaml.Scalar) else None
     if node is not None and value not in (0, 1):
         fields.refuse("negate", "0 or 1")
     if rules == "noetic" and isinstance(value, bool):
@@ -365,8 +359,8 @@ def _top_keys(path: Path) -> set[str]:
 
     In block style they are those that begin a line: then nothing has to be parsed.
     """
-    text = decode_utf8(read_capped(path, most_bytes=MOST_BYTES), path)
+    text = decode_utf8(read_capped(path, most_bytes=strict_yaml.MOST_BYTES), path)
     if not text.lstrip().startswith("{"):
         return set(_TOP_KEY.findall(text))
-    root = parse_yaml(text.encode(), path, takes_nan=True)
-    return set(root.entries) if isinstance(root, Mapping) else set()
+    root = strict_yaml.parse_yaml(text.encode(), path, takes_nan=True)
+    return set(root.entries) if isinstance(root, strict_yaml.Mapping) else set()

@@ -22,17 +22,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from semmap_log.core.model.doors import (
-    MAX_DOOR_ID,
-    NAN,
-    THESIS_STATES,
-    Door,
-    DoorId,
-    DoorMap,
-    DoorState,
-    reduced,
-    thesis_state,
-)
+from semmap_log.core.model import doors as door_model
 from semmap_log.errors import CommandError
 from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor
 from semmap_log.interop.formats.parsing.problems import Problems, shown
@@ -80,7 +70,7 @@ def parse_thesis_yaml(root: Node, path: Path) -> DoorTable:
 
 
 def dump_thesis_yaml(
-    door_map: DoorMap, *, default_prob: float | None = None, is_partial: bool = False
+    door_map: door_model.DoorMap, *, default_prob: float | None = None, is_partial: bool = False
 ) -> tuple[str, list[str]]:
     """Return the text of the file, ids ascending, and what it leaves out of which doors and why.
 
@@ -107,7 +97,9 @@ def dump_thesis_yaml(
             f"{'; '.join(lacking)}. The thesis's YAML needs both probabilities: give what to write "
             "with --default-prob P, such as --default-prob 0.5."
         )
-    text = "".join(_entry(door, NAN if default_prob is None else default_prob) for door in placed)
+    text = "".join(
+        _entry(door, door_model.NAN if default_prob is None else default_prob) for door in placed
+    )
     left_out = [
         f"{_named(door)}: has no position, which this format needs"
         for door in doors
@@ -141,25 +133,27 @@ class _Reader:
         entries = table.entries if table else {}
         has_doors = any(map(_is_door, entries.values()))
         for key, node in entries.items():
-            if not _ID.fullmatch(key) or int(key) > MAX_DOOR_ID:
+            if not _ID.fullmatch(key) or int(key) > door_model.MAX_DOOR_ID:
                 assert table is not None
                 if has_doors and not _is_door(node):
                     self.left_out[f"the key {shown(key)} is no door's id"] = [table.key_lines[key]]
                     continue
                 self.problems.add(
                     table.key_lines[key],
-                    f"expected a door's id, a whole number from 0 to {MAX_DOOR_ID}, "
+                    f"expected a door's id, a whole number from 0 to {door_model.MAX_DOOR_ID}, "
                     f"got {shown(key)}",
                 )
                 continue
             entry = mapping_of(node, f"door {key}", self.problems)
             if entry is not None:
                 doors.append(
-                    self.door(DoorId(int(key)), Fields(f"door {key}", entry, self.problems))
+                    self.door(
+                        door_model.DoorId(int(key)), Fields(f"door {key}", entry, self.problems)
+                    )
                 )
         return doors
 
-    def door(self, door_id: DoorId, fields: Fields) -> TableDoor:
+    def door(self, door_id: door_model.DoorId, fields: Fields) -> TableDoor:
         x, y, theta = self.position(fields)
         width = fields.number("width")
         if width < 0:
@@ -197,7 +191,7 @@ class _Reader:
         node = fields.node("position")
         position = mapping_of(node, f"{fields.what}: position", self.problems) if node else None
         if position is None:
-            return NAN, NAN, NAN
+            return door_model.NAN, door_model.NAN, door_model.NAN
         parts = Fields(f"{fields.what}: position", position, self.problems)
         for key in parts.others(POSITION_KEYS):
             expected = ", ".join(POSITION_KEYS)
@@ -208,30 +202,30 @@ class _Reader:
     def probability(self, fields: Fields, key: str) -> float:
         node = fields.mapping.entries.get(key)
         if node is None:
-            return NAN
+            return door_model.NAN
         if isinstance(node, Scalar) and node.text.lower().lstrip(".") == "nan":
             self.warnings.append(
                 f"{self.problems.path}:{node.line}: {fields.what}: {key}: expected a number from 0 "
                 f"to 1, got {described(node)}; taken for none"
             )
-            return NAN
+            return door_model.NAN
         value = fields.number(key)
         if not (math.isnan(value) or 0 <= value <= 1):
             fields.refuse(key, "a number from 0 to 1")
         return value
 
-    def state(self, fields: Fields) -> DoorState | None:
+    def state(self, fields: Fields) -> door_model.DoorState | None:
         node = fields.mapping.entries.get("status")
         if node is None:
             return None
-        known = thesis_state(node.text) if isinstance(node, Scalar) else None
+        known = door_model.thesis_state(node.text) if isinstance(node, Scalar) else None
         if known is not None:
             return known
         self.warnings.append(
             f"{self.problems.path}:{node.line}: {fields.what}: status: expected one of "
-            f"{', '.join(THESIS_STATES)}, got {described(node)}; taken for UNKNOWN"
+            f"{', '.join(door_model.THESIS_STATES)}, got {described(node)}; taken for UNKNOWN"
         )
-        return DoorState.UNKNOWN
+        return door_model.DoorState.UNKNOWN
 
 
 def _is_door(node: Node) -> bool:
@@ -245,7 +239,7 @@ def _told(path: Path, lines_of: dict[str, list[int]]) -> Iterator[str]:
         yield f"{path}:{lines[0]}{more}: {text}"
 
 
-def _entry(door: Door, default_prob: float) -> str:
+def _entry(door: door_model.Door, default_prob: float) -> str:
     probs = ""
     for key, given in zip(PROB_KEYS, (door.prob_closed, door.prob_open), strict=True):
         prob = default_prob if math.isnan(given) else given
@@ -257,12 +251,12 @@ def _entry(door: Door, default_prob: float) -> str:
         f"    y: {float(door.y)!r}\n"
         f"    theta: {float(door.theta)!r}\n"
         f"  width: {float(door.width)!r}\n"
-        f"  status: {reduced(door.state).name}\n"
+        f"  status: {door_model.reduced(door.state).name}\n"
         f"{probs}"
     )
 
 
-def _without_probabilities(doors: list[Door]) -> list[str]:
+def _without_probabilities(doors: list[door_model.Door]) -> list[str]:
     """Return of each probability which doors have none, in words."""
     said = []
     for key, prob in zip(PROB_KEYS, ("prob_closed", "prob_open"), strict=True):
@@ -276,6 +270,6 @@ def _without_probabilities(doors: list[Door]) -> list[str]:
 MOST_NAMED = 10
 
 
-def _named(door: Door) -> str:
+def _named(door: door_model.Door) -> str:
     said = f"{door.object_class.name} {door.door_id}"
     return f"{said} ({door.name})" if door.name else said

@@ -7,14 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from semmap_log.analysis.beliefs import door_beliefs
 from semmap_log.analysis.beliefs.best_times import BestTime, LikelyHours
-from semmap_log.analysis.beliefs.door_beliefs import (
-    By,
-    DoorBelief,
-    EvidenceSummary,
-    TypicalWeek,
-    WeekPattern,
-)
 from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_text
 from semmap_log.analysis.probabilities.forecast import INTERVAL
 from semmap_log.core.model.doors import Door
@@ -28,7 +22,7 @@ ROUNDED = 6
 
 
 def beliefs_to_json(
-    beliefs: Sequence[DoorBelief], *, tz: str, known_at_ns: int | None = None
+    beliefs: Sequence[door_beliefs.DoorBelief], *, tz: str, known_at_ns: int | None = None
 ) -> dict[str, Any]:
     """Return P(open) of doors at one moment; where `is_known` is false, it is a guess."""
     first = beliefs[0] if beliefs else None
@@ -44,7 +38,7 @@ def beliefs_to_json(
     }
 
 
-def belief_to_json(belief: DoorBelief) -> dict[str, Any]:
+def belief_to_json(belief: door_beliefs.DoorBelief) -> dict[str, Any]:
     """Return one door's."""
     return {
         **_door(belief.door, belief.level_name),
@@ -58,8 +52,8 @@ def belief_to_json(belief: DoorBelief) -> dict[str, Any]:
 
 
 def weeks_to_json(
-    weeks: Sequence[TypicalWeek],
-    by: By,
+    weeks: Sequence[door_beliefs.TypicalWeek],
+    by: door_beliefs.By,
     *,
     hour: tuple[int, int] | None = None,
     tz: str,
@@ -130,7 +124,7 @@ def _door(door: Door, level_name: str) -> dict[str, Any]:
     }
 
 
-def _evidence(evidence: EvidenceSummary, known_ns: int) -> dict[str, Any]:
+def _evidence(evidence: door_beliefs.EvidenceSummary, known_ns: int) -> dict[str, Any]:
     coverage, last_ns = evidence.coverage, evidence.counts.last_seen_ns
     return {
         "days": round(coverage.days, 2),
@@ -145,7 +139,7 @@ def _evidence(evidence: EvidenceSummary, known_ns: int) -> dict[str, Any]:
     }
 
 
-def _week(week: TypicalWeek, pattern: WeekPattern) -> dict[str, Any]:
+def _week(week: door_beliefs.TypicalWeek, pattern: door_beliefs.WeekPattern) -> dict[str, Any]:
     return {
         **_door(week.door, week.level_name),
         "is_known": week.is_known,

@@ -9,31 +9,14 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from semmap_log.core.model import events
 from semmap_log.core.model.commits import Note
 from semmap_log.core.model.doors import NAN, DoorId, DoorState
-from semmap_log.core.model.events import (
-    KIND_BY_NAME,
-    MAX_EVENT,
-    DoorAdded,
-    DoorEvent,
-    DoorObserved,
-    DoorUpdated,
-    Event,
-    FloorMap,
-    defaults_of,
-    may_lack_level,
-    public_fields,
-)
 from semmap_log.core.model.meaning import PART_OF, PARTS, Changed, changed
 from semmap_log.core.model.moments import both_instants, parse_instant, zone
 from semmap_log.core.model.rules import Nanoseconds, OneOf, Rule, Text, Truth, Whole, text_expected
 from semmap_log.errors import FormatError, SemmapError
-from semmap_log.interop.formats.json.door_json import (
-    FLOOR_MAP_KEYS,
-    NOTE_KEYS,
-    key_of,
-    unpack_cells,
-)
+from semmap_log.interop.formats.json import door_json
 from semmap_log.interop.formats.parsing.foreign_file import FileOrder
 from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.interop.formats.parsing.strict_json import StrictJsonError, load_object
@@ -57,7 +40,7 @@ class DoorLookup:
 class ParsedLine:
     """An event with its note and its times."""
 
-    event: Event
+    event: events.Event
     note: Note = field(default_factory=Note)
     """Who and why."""
     command_id: bytes | None = None
@@ -155,7 +138,7 @@ class _LineReader:
             zone(timezone)  # or it is none
         if commit is not None and command_id is None:
             raise _WrongError("commit: expected a command_id with it, got none")
-        values = self.floor_map() if kind is FloorMap else self.fields(kind)
+        values = self.floor_map() if kind is events.FloorMap else self.fields(kind)
         assert not self.left, "a key that is known is taken"
         event = kind(happened_ns=happened_ns, **values)
         return ParsedLine(
@@ -172,25 +155,25 @@ class _LineReader:
 
     def note(self) -> Note:
         """Return who and why."""
-        if self.left.keys().isdisjoint(NOTE_KEYS):
+        if self.left.keys().isdisjoint(door_json.NOTE_KEYS):
             return _EMPTY_NOTE
-        texts = (self.text(key) if key in self.left else "" for key in NOTE_KEYS)
+        texts = (self.text(key) if key in self.left else "" for key in door_json.NOTE_KEYS)
         actor, source, reason, correlation = texts
         note = Note(actor, source, reason, correlation)
         note.check_length()
         return note
 
-    def kind(self) -> type[Event]:
+    def kind(self) -> type[events.Event]:
         name = self.left.pop("kind", None)
-        if isinstance(name, str) and name in KIND_BY_NAME:
-            return KIND_BY_NAME[name]
+        if isinstance(name, str) and name in events.KIND_BY_NAME:
+            return events.KIND_BY_NAME[name]
         from difflib import get_close_matches
 
-        close = get_close_matches(str(name)[:60], KIND_BY_NAME, n=1)
-        expected = close[0] if close else f"one of {', '.join(KIND_BY_NAME)}"
+        close = get_close_matches(str(name)[:60], events.KIND_BY_NAME, n=1)
+        expected = close[0] if close else f"one of {', '.join(events.KIND_BY_NAME)}"
         raise _WrongError(f"kind: expected {expected}; got {shown(name)}")
 
-    def check_kind_keys(self, kind: type[Event]) -> None:
+    def check_kind_keys(self, kind: type[events.Event]) -> None:
         """Name a key that the kind does not have, before one is missed that may be meant by it.
 
         Raises:
@@ -206,17 +189,17 @@ class _LineReader:
             f"unknown key {shown(unknown)}{meant}: {kind.__name__} has the keys {', '.join(known)}"
         )
 
-    def fields(self, kind: type[Event]) -> dict[str, Any]:
+    def fields(self, kind: type[events.Event]) -> dict[str, Any]:
         values: dict[str, Any] = {}
-        if issubclass(kind, DoorEvent):
+        if issubclass(kind, events.DoorEvent):
             values["door_id"] = self.door_id(kind)
-        if kind is DoorUpdated:
+        if kind is events.DoorUpdated:
             values["changed"] = self.changed()
             if Changed.POSE in values["changed"] and "level" not in self.left:
                 values["level"] = self.lookup.level_of(values["door_id"])
         if kind in _MAY_LACK_LEVEL and "level" not in values:
             values |= self.level(kind)
-        if kind is DoorObserved and "accuracy" in self.left:
+        if kind is events.DoorObserved and "accuracy" in self.left:
             if {"accuracy_open", "accuracy_closed"} & set(self.left):
                 raise _WrongError(
                     "accuracy: expected it alone, as it means both accuracy_open and "
@@ -231,22 +214,22 @@ class _LineReader:
             raise _WrongError(f"{kind.__name__}: expected the key {missing[0]}, got none")
         return values
 
-    def level(self, kind: type[Event]) -> dict[str, int]:
+    def level(self, kind: type[events.Event]) -> dict[str, int]:
         """Return the level: by number, by name, or the default."""
         if isinstance(self.left.get("level"), str):
             return {"level": self.lookup.level(self.text("level"))}
         if "level" in self.left:
             return {"level": self.whole("level")}
-        return {} if kind is DoorUpdated else {"level": self.lookup.level(None)}
+        return {} if kind is events.DoorUpdated else {"level": self.lookup.level(None)}
 
-    def door_id(self, kind: type[Event]) -> DoorId:
+    def door_id(self, kind: type[events.Event]) -> DoorId:
         if "door_id" in self.left:
             if "door" in self.left:
                 raise _WrongError("door: expected it or door_id, got both")
             return DoorId(self.whole("door_id"))
-        if kind is DoorAdded and "door" not in self.left:
+        if kind is events.DoorAdded and "door" not in self.left:
             return self.lookup.next_id()
-        if kind is not DoorAdded and "door" in self.left:
+        if kind is not events.DoorAdded and "door" in self.left:
             named = self.left["door"]
             if isinstance(named, int) and not isinstance(named, bool):
                 raise _WrongError(
@@ -256,7 +239,7 @@ class _LineReader:
             return self.lookup.resolve(self.text("door"))
         expected = (
             "door_id, or none for the next free one"
-            if kind is DoorAdded
+            if kind is events.DoorAdded
             else ("door_id, or door with a name")
         )
         raise _WrongError(f"{kind.__name__}: expected {expected}")
@@ -283,18 +266,20 @@ class _LineReader:
 
     def floor_map(self) -> dict[str, Any]:
         may_lack = ("level", "origin_theta")
-        missing = [key for key in FLOOR_MAP_KEYS if key not in {*self.left, *may_lack}]
+        missing = [key for key in door_json.FLOOR_MAP_KEYS if key not in {*self.left, *may_lack}]
         if missing:
             raise _WrongError(f"FloorMap: expected the key {missing[0]}, got none")
         numbers: dict[str, Any] = {
             key: self.number(key)
-            for key in FLOOR_MAP_KEYS
+            for key in door_json.FLOOR_MAP_KEYS
             if key.startswith(("resolution", "origin")) and key in self.left
         }
-        numbers |= self.level(FloorMap)
+        numbers |= self.level(events.FloorMap)
         width, height = (self.whole(key) for key in ("width", "height"))
         try:
-            cells = unpack_cells(self.text("cells_zlib_base64"), width=width, height=height)
+            cells = door_json.unpack_cells(
+                self.text("cells_zlib_base64"), width=width, height=height
+            )
         except ValueError as error:
             raise _WrongError(f"cells_zlib_base64: {error}") from None
         return {"cells": cells, **numbers}
@@ -370,7 +355,7 @@ class _LineReader:
                 f"commit: expected the numbers of its first and last event, got {shown(value)}"
             )
         first, last = value
-        if number is None or not 0 <= first <= number <= last <= MAX_EVENT:
+        if number is None or not 0 <= first <= number <= last <= events.MAX_EVENT:
             raise _WrongError(
                 f"commit: expected event numbers around the line's own, {number}; got {value}"
             )
@@ -400,28 +385,28 @@ _OF_EXPORTS = ("event", "recorded", "commit", "content", "retracted", "timezone"
 _HEX_DIGITS = frozenset("0123456789abcdefABCDEF")
 
 
-def required_keys(kind: type[Event]) -> list[tuple[str, str]]:
+def required_keys(kind: type[events.Event]) -> list[tuple[str, str]]:
     """Return (key, field) of each field of the kind that has no default."""
-    defaults = defaults_of(kind)
+    defaults = events.defaults_of(kind)
     fields = kind.rules.fields.items()
-    return [(key_of(name, rule), name) for name, rule in fields if name not in defaults]
+    return [(door_json.key_of(name, rule), name) for name, rule in fields if name not in defaults]
 
 
-def keys_of(kind: type[Event]) -> list[str]:
+def keys_of(kind: type[events.Event]) -> list[str]:
     """Return the keys that a line of the kind may have, besides `kind` and `happened`."""
-    if kind is FloorMap:
-        return [*FLOOR_MAP_KEYS, *NOTE_KEYS, "command_id"]
-    names = [key_of(name, kind.rules.fields[name]) for name in public_fields(kind)]
-    names += ["accuracy"] if kind is DoorObserved else []
-    names += ["door"] if issubclass(kind, DoorEvent) and kind is not DoorAdded else []
-    return [*names, *NOTE_KEYS, "command_id"]
+    if kind is events.FloorMap:
+        return [*door_json.FLOOR_MAP_KEYS, *door_json.NOTE_KEYS, "command_id"]
+    names = [door_json.key_of(name, kind.rules.fields[name]) for name in events.public_fields(kind)]
+    names += ["accuracy"] if kind is events.DoorObserved else []
+    names += ["door"] if issubclass(kind, events.DoorEvent) and kind is not events.DoorAdded else []
+    return [*names, *door_json.NOTE_KEYS, "command_id"]
 
 
 _KNOWN_KEYS = {
     kind: frozenset(
-        {"happened", *keys_of(kind), *_OF_EXPORTS, *(["door"] * issubclass(kind, DoorEvent))}
+        {"happened", *keys_of(kind), *_OF_EXPORTS, *(["door"] * issubclass(kind, events.DoorEvent))}
     )
-    for kind in KIND_BY_NAME.values()
+    for kind in events.KIND_BY_NAME.values()
 }
 """The keys that are read; a `door` in a DoorAdded has a message of its own."""
 
@@ -436,13 +421,15 @@ _READ: Mapping[type[Rule], Callable[[_LineReader, str], Any]] = {
 
 _FIELDS = {
     kind: [
-        (name, key_of(name, rule), _READ.get(type(rule), _LineReader.number))
+        (name, door_json.key_of(name, rule), _READ.get(type(rule), _LineReader.number))
         for name, rule in kind.rules.fields.items()
-        if name in public_fields(kind)
+        if name in events.public_fields(kind)
     ]
-    for kind in KIND_BY_NAME.values()
+    for kind in events.KIND_BY_NAME.values()
 }
 """Kind -> its fields, their keys, and what reads their values."""
 
-_REQUIRED = {kind: required_keys(kind) for kind in KIND_BY_NAME.values()}
-_MAY_LACK_LEVEL = frozenset(kind for kind in KIND_BY_NAME.values() if may_lack_level(kind))
+_REQUIRED = {kind: required_keys(kind) for kind in events.KIND_BY_NAME.values()}
+_MAY_LACK_LEVEL = frozenset(
+    kind for kind in events.KIND_BY_NAME.values() if events.may_lack_level(kind)
+)

@@ -30,15 +30,7 @@ from semmap_log.interop.formats.bags.unpacking import (
     parsed,
     records,
 )
-from semmap_log.interop.formats.kept_scans.scan_messages import (
-    CLOUD,
-    SCAN,
-    TEXT,
-    ScanBytes,
-    VisitRecord,
-    read_text,
-    scan_from_messages,
-)
+from semmap_log.interop.formats.kept_scans import scan_messages
 from semmap_log.interop.formats.parsing.foreign_file import open_regular
 from semmap_log.interop.formats.ros.ros_types import POSE_WITH_COVARIANCE, decoded
 
@@ -168,12 +160,12 @@ class FileReader:
     """Whether it says that it is of the log that was meant."""
     _types: dict[int, str] = field(default_factory=dict)
     _channels: dict[int, ScanChannel] = field(default_factory=dict)
-    _waiting: defaultdict[tuple[str, str], dict[int, ScanBytes]] = field(
+    _waiting: defaultdict[tuple[str, str], dict[int, scan_messages.ScanBytes]] = field(
         default_factory=lambda: defaultdict(dict)
     )
     """Robot and laser -> stamp -> the messages of a scan that a visit may be of."""
 
-    def visits(self, log_id: str) -> Iterator[VisitRecord]:
+    def visits(self, log_id: str) -> Iterator[scan_messages.VisitRecord]:
         """Yield the visits, as they were written.
 
         Raises:
@@ -214,7 +206,7 @@ class FileReader:
                     raise ValueError("it does not say which log it is of")
                 yield from self._chunk(OpenChunk(record, tally))
 
-    def scans_of(self, told: VisitRecord) -> tuple[PlacedScan, ...]:
+    def scans_of(self, told: scan_messages.VisitRecord) -> tuple[PlacedScan, ...]:
         """Return the scans of the visit that was yielded last.
 
         Raises:
@@ -223,7 +215,7 @@ class FileReader:
         visit = told.visit
         here = self._waiting[visit.robot, visit.laser]
         return tuple(
-            scan_from_messages(
+            scan_messages.scan_from_messages(
                 here[stamp_ns], level=told.level, laser=visit.laser, robot=visit.robot
             )
             for stamp_ns in told.stamps_ns
@@ -258,7 +250,11 @@ class FileReader:
         return channel, at_ns, record.body[MESSAGE.size :]
 
     def _take(self, channel: ScanChannel, at_ns: int, data: bytes) -> None:
-        name = {POSE_WITH_COVARIANCE: "pose", SCAN: "scan", CLOUD: "beams"}.get(channel.ros_type)
+        name = {
+            POSE_WITH_COVARIANCE: "pose",
+            scan_messages.SCAN: "scan",
+            scan_messages.CLOUD: "beams",
+        }.get(channel.ros_type)
         if name is not None:
             here = self._waiting[channel.of]
             here[at_ns] = replace(here.get(at_ns, _NOTHING), **{name: data})
@@ -269,16 +265,16 @@ class FileReader:
             del here[stamp_ns]
 
 
-def visit_in(data: bytes) -> VisitRecord:
+def visit_in(data: bytes) -> scan_messages.VisitRecord:
     """Return the contents of a message on the topic of visits.
 
     Raises:
         ValueError: It is not the text of a visit.
     """
-    return read_text(decoded(2, data, TEXT).data)
+    return scan_messages.read_text(decoded(2, data, scan_messages.TEXT).data)
 
 
-_NOTHING = ScanBytes(b"", b"", b"", None)
+_NOTHING = scan_messages.ScanBytes(b"", b"", b"", None)
 
 
 def _is_of(metadata: Any, log_id: str) -> bool:

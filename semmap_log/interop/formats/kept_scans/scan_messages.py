@@ -19,13 +19,7 @@ from numpy.typing import NDArray
 
 from semmap_log.analysis.scans.visit import DoorLine, PlacedScan, Visit
 from semmap_log.core.model.doors import DoorId, DoorState
-from semmap_log.interop.formats.ros.ros_types import (
-    POSE_WITH_COVARIANCE,
-    TRANSFORMS,
-    Messages,
-    decoded,
-    encoded,
-)
+from semmap_log.interop.formats.ros import ros_types
 
 SCAN = "sensor_msgs/msg/LaserScan"
 CLOUD = "sensor_msgs/msg/PointCloud2"
@@ -64,14 +58,17 @@ def scan_to_messages(scan: PlacedScan, frame: str) -> ScanBytes:
         OutputError: ROS has no stamp for its time.
     """
     origin, theta = scan.origins.mean(axis=0), float(scan.bearings[len(scan.bearings) // 2])
-    new = Messages(2).new
+    new = ros_types.Messages(2).new
     return ScanBytes(
-        encoded(2, new(TRANSFORMS, transforms=[_transform(scan, frame, origin, theta)]),
-                TRANSFORMS),
-        encoded(2, _pose(scan, origin, theta), POSE_WITH_COVARIANCE),
-        encoded(2, _laser_scan(scan, frame, theta), SCAN),
-        None if _is_even(scan, origin) else encoded(2, _cloud(scan), CLOUD),
-    )  # fmt: skip
+        ros_types.encoded(
+            2,
+            new(ros_types.TRANSFORMS, transforms=[_transform(scan, frame, origin, theta)]),
+            ros_types.TRANSFORMS,
+        ),
+        ros_types.encoded(2, _pose(scan, origin, theta), ros_types.POSE_WITH_COVARIANCE),
+        ros_types.encoded(2, _laser_scan(scan, frame, theta), SCAN),
+        None if _is_even(scan, origin) else ros_types.encoded(2, _cloud(scan), CLOUD),
+    )
 
 
 def scan_from_messages(told: ScanBytes, *, level: int, laser: str, robot: str) -> PlacedScan:
@@ -87,8 +84,8 @@ def scan_from_messages(told: ScanBytes, *, level: int, laser: str, robot: str) -
 
 
 def _read(told: ScanBytes, level: int, laser: str, robot: str) -> PlacedScan:
-    pose = decoded(2, told.pose, POSE_WITH_COVARIANCE)
-    scan = decoded(2, told.scan, SCAN)
+    pose = ros_types.decoded(2, told.pose, ros_types.POSE_WITH_COVARIANCE)
+    scan = ros_types.decoded(2, told.scan, SCAN)
     stamp = scan.header.stamp
     ranges = scan.ranges.astype(np.float64)
     if told.beams is None:
@@ -97,7 +94,7 @@ def _read(told: ScanBytes, level: int, laser: str, robot: str) -> PlacedScan:
         origins = np.tile([place.x, place.y], (len(ranges), 1))
         bearings = theta + scan.angle_min + scan.angle_increment * np.arange(len(ranges))
     else:
-        beams = np.frombuffer(decoded(2, told.beams, CLOUD).data.tobytes(), BEAM)
+        beams = np.frombuffer(ros_types.decoded(2, told.beams, CLOUD).data.tobytes(), BEAM)
         origins = np.column_stack([beams["from_x"], beams["from_y"]]).astype(np.float64)
         bearings = beams["bearing"].astype(np.float64)
     if len(bearings) != len(ranges):
@@ -111,7 +108,7 @@ def _read(told: ScanBytes, level: int, laser: str, robot: str) -> PlacedScan:
 
 
 def _transform(scan: PlacedScan, frame: str, origin: NDArray[np.float64], theta: float) -> Any:
-    messages = Messages(2)
+    messages = ros_types.Messages(2)
     pose = messages.pose(float(origin[0]), float(origin[1]), 0.0, theta)
     return messages.new(
         "geometry_msgs/msg/TransformStamped",
@@ -128,11 +125,11 @@ def _transform(scan: PlacedScan, frame: str, origin: NDArray[np.float64], theta:
 
 
 def _pose(scan: PlacedScan, origin: NDArray[np.float64], theta: float) -> Any:
-    messages = Messages(2)
+    messages = ros_types.Messages(2)
     covariance = np.zeros(36)
     covariance[[0, 7]], covariance[35] = _variance(scan.sd_xy), _variance(scan.sd_theta)
     return messages.new(
-        POSE_WITH_COVARIANCE,
+        ros_types.POSE_WITH_COVARIANCE,
         header=messages.header(scan.stamp_ns),
         pose=messages.new(
             "geometry_msgs/msg/PoseWithCovariance",
@@ -143,7 +140,7 @@ def _pose(scan: PlacedScan, origin: NDArray[np.float64], theta: float) -> Any:
 
 
 def _laser_scan(scan: PlacedScan, frame: str, theta: float) -> Any:
-    messages = Messages(2)
+    messages = ros_types.Messages(2)
     first, increment = float(scan.bearings[0]), _increment(scan)
     return messages.new(
         SCAN,
@@ -174,7 +171,7 @@ def _is_even(scan: PlacedScan, origin: NDArray[np.float64]) -> bool:
 
 
 def _cloud(scan: PlacedScan) -> Any:
-    messages = Messages(2)
+    messages = ros_types.Messages(2)
     names = BEAM.names or ()
     points = np.zeros(len(scan.ranges), BEAM)
     came_back = np.where(np.isfinite(scan.ranges), scan.ranges, np.nan)

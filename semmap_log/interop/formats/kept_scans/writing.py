@@ -30,20 +30,7 @@ from semmap_log.analysis.scans.visit import (
 )
 from semmap_log.core.io.disk import atomic_file, output_errors, sync_folder
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic, qos_of
-from semmap_log.interop.formats.kept_scans.reading import (
-    AnotherLogError,
-    FileReader,
-    ScanChannel,
-    visit_in,
-)
-from semmap_log.interop.formats.kept_scans.scan_messages import (
-    CLOUD,
-    SCAN,
-    TEXT,
-    VisitRecord,
-    scan_to_messages,
-    text_of,
-)
+from semmap_log.interop.formats.kept_scans import reading, scan_messages
 from semmap_log.interop.formats.parsing.foreign_file import open_regular
 from semmap_log.interop.formats.ros.ros_types import (
     POSE_WITH_COVARIANCE,
@@ -88,7 +75,7 @@ def visits_in_file(path: Path, log_id: str, goes: Goes) -> VisitsInFile | None:
     going, robots, problem = 0, set[str](), ""
     staying: defaultdict[Laser, list[tuple[int, int]]] = defaultdict(list)
     with open_regular(path) as file:
-        reader = FileReader(file)
+        reader = reading.FileReader(file)
         try:
             for told in reader.visits(log_id):
                 visit = told.visit
@@ -98,7 +85,7 @@ def visits_in_file(path: Path, log_id: str, goes: Goes) -> VisitsInFile | None:
                 else:
                     for of in ((visit.robot, visit.laser), ("", "")):
                         staying[of].append((visit.first_ns, visit.last_ns))
-        except AnotherLogError:
+        except reading.AnotherLogError:
             return None
         except ValueError as error:
             problem = str(error)
@@ -135,7 +122,7 @@ def _write_staying(found: VisitsInFile, log_id: str, goes: Goes) -> None:
     """Rewrite the file; each message that stays keeps its bytes."""
     with open_regular(found.path) as file, atomic_file(found.path) as temporary:
         made = VisitFile(temporary, temporary.open("wb"), log_id)
-        for channel, at_ns, data in FileReader(file).messages(log_id):
+        for channel, at_ns, data in reading.FileReader(file).messages(log_id):
             if not _stays(found, goes, channel, at_ns, data):
                 continue
             made.write(channel.topic, channel.ros_type, channel.of, at_ns, data)
@@ -144,9 +131,11 @@ def _write_staying(found: VisitsInFile, log_id: str, goes: Goes) -> None:
         made.close()
 
 
-def _stays(found: VisitsInFile, goes: Goes, channel: ScanChannel, at_ns: int, data: bytes) -> bool:
+def _stays(
+    found: VisitsInFile, goes: Goes, channel: reading.ScanChannel, at_ns: int, data: bytes
+) -> bool:
     if channel.topic == VISITS_TOPIC:
-        return not goes(visit_in(data).visit)
+        return not goes(reading.visit_in(data).visit)
     return channel.of in found.staying and at_ns in found.staying[channel.of]
 
 
@@ -296,9 +285,11 @@ class VisitFile:
             for scan in ordered:
                 self._add_scan(scan)
             stamps_ns = tuple(scan.stamp_ns for scan in ordered)
-            text = text_of(VisitRecord(visit, level, line, stamps_ns, event))
-            message = encoded(2, Messages(2).new(TEXT, data=text), TEXT)
-            self.write(VISITS_TOPIC, TEXT, ("", ""), visit.last_ns, message)
+            text = scan_messages.text_of(
+                scan_messages.VisitRecord(visit, level, line, stamps_ns, event)
+            )
+            message = encoded(2, Messages(2).new(scan_messages.TEXT, data=text), scan_messages.TEXT)
+            self.write(VISITS_TOPIC, scan_messages.TEXT, ("", ""), visit.last_ns, message)
             self.flush()
         self._forget(visit)
 
@@ -335,13 +326,13 @@ class VisitFile:
             return
         self._written[of][scan.stamp_ns] = None
         parts = [part for part in map(topic_part, of) if part]
-        told = scan_to_messages(scan, "/".join(parts) or "laser")
+        told = scan_messages.scan_to_messages(scan, "/".join(parts) or "laser")
         root = "".join(f"/{part}" for part in parts)
         self.write(TF_TOPIC, TRANSFORMS, ("", ""), scan.stamp_ns, told.transform)
         self.write(f"{root}/pose", POSE_WITH_COVARIANCE, of, scan.stamp_ns, told.pose)
         if told.beams is not None:
-            self.write(f"{root}/beams", CLOUD, of, scan.stamp_ns, told.beams)
-        self.write(f"{root}/scan", SCAN, of, scan.stamp_ns, told.scan)
+            self.write(f"{root}/beams", scan_messages.CLOUD, of, scan.stamp_ns, told.beams)
+        self.write(f"{root}/scan", scan_messages.SCAN, of, scan.stamp_ns, told.scan)
 
     def _forget(self, visit: Visit) -> None:
         stamps = self._written[visit.robot, visit.laser]

@@ -10,40 +10,36 @@ import math
 import re
 from dataclasses import dataclass
 
+from semmap_log.interop.formats.parsing import strict_yaml
 from semmap_log.interop.formats.parsing.problems import Problems, shown
-from semmap_log.interop.formats.parsing.strict_yaml import (
-    Mapping,
-    Node,
-    Scalar,
-    Sequence,
-    not_finite,
-)
 
 _LEADING_ZERO = re.compile(r"[-+]?0[0-9]+")
 
 
-def mapping_of(node: Node, what: str, problems: Problems) -> Mapping | None:
+def mapping_of(node: strict_yaml.Node, what: str, problems: Problems) -> strict_yaml.Mapping | None:
     """Return the node as keys and values."""
-    if isinstance(node, Mapping):
+    if isinstance(node, strict_yaml.Mapping):
         return node
     problems.add(node.line, f"{what}: expected keys and values, got {described(node)}")
     return None
 
 
-def sequence_of(node: Node, what: str, problems: Problems) -> Sequence | None:
+def sequence_of(
+    node: strict_yaml.Node, what: str, problems: Problems
+) -> strict_yaml.Sequence | None:
     """Return the node as a list."""
-    if isinstance(node, Sequence):
+    if isinstance(node, strict_yaml.Sequence):
         return node
     problems.add(node.line, f"{what}: expected a list, got {described(node)}")
     return None
 
 
-def number_of(node: Node, what: str, problems: Problems) -> float | None:
+def number_of(node: strict_yaml.Node, what: str, problems: Problems) -> float | None:
     """Return the node as a finite number."""
-    value = node.value if isinstance(node, Scalar) else None
+    value = node.value if isinstance(node, strict_yaml.Scalar) else None
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         if math.isnan(value):
-            problems.add(node.line, f"{what}: {not_finite(described(node))}")
+            problems.add(node.line, f"{what}: {strict_yaml.not_finite(described(node))}")
             return None
         try:
             return float(value)
@@ -54,33 +50,33 @@ def number_of(node: Node, what: str, problems: Problems) -> float | None:
     return None
 
 
-def whole_of(node: Node, what: str, problems: Problems) -> int | None:
+def whole_of(node: strict_yaml.Node, what: str, problems: Problems) -> int | None:
     """Return the node as a whole number."""
-    value = node.value if isinstance(node, Scalar) else None
+    value = node.value if isinstance(node, strict_yaml.Scalar) else None
     if isinstance(value, int) and not isinstance(value, bool):
         return value
     problems.add(node.line, f"{what}: expected a whole number, got {described(node)}")
     return None
 
 
-def text_of(node: Node, what: str, problems: Problems) -> str | None:
+def text_of(node: strict_yaml.Node, what: str, problems: Problems) -> str | None:
     """Return the node's text; a number's is as it was written."""
-    if isinstance(node, Scalar) and node.value is not None:
+    if isinstance(node, strict_yaml.Scalar) and node.value is not None:
         return node.text
     problems.add(node.line, f"{what}: expected a text, got {described(node)}")
     return None
 
 
-def described(node: Node) -> str:
+def described(node: strict_yaml.Node) -> str:
     """Return what the node is, for a message."""
     match node:
-        case Mapping():
+        case strict_yaml.Mapping():
             return "keys and values"
-        case Sequence():
+        case strict_yaml.Sequence():
             return "a list"
-        case Scalar(value=None):
+        case strict_yaml.Scalar(value=None):
             return "nothing"
-        case Scalar(value=str(), text=text) if _LEADING_ZERO.fullmatch(text):
+        case strict_yaml.Scalar(value=str(), text=text) if _LEADING_ZERO.fullmatch(text):
             return f"{shown(text)} (some readers take a leading zero for octal: write it without)"
         case _:
             return shown(node.text)
@@ -92,10 +88,10 @@ class Fields:
 
     what: str
     """What the mapping is, for messages."""
-    mapping: Mapping
+    mapping: strict_yaml.Mapping
     problems: Problems
 
-    def node(self, key: str) -> Node | None:
+    def node(self, key: str) -> strict_yaml.Node | None:
         """Return the key's node; None, and noted, where it is missing."""
         found = self.mapping.entries.get(key)
         if found is None:
@@ -134,7 +130,7 @@ class Fields:
             node.line, f"{self.what}: {key}: expected {expected}, got {described(node)}"
         )
 
-    def others(self, known: tuple[str, ...]) -> dict[str, Node]:
+    def others(self, known: tuple[str, ...]) -> dict[str, strict_yaml.Node]:
         """Return the keys that are none of the known, with their values."""
         return {key: node for key, node in self.mapping.entries.items() if key not in known}
 

@@ -17,28 +17,10 @@ from semmap_log.analysis.scans.visit import PlacedScan
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.model.events import RobotPose
 from semmap_log.interop.formats.ros.ros_types import LASER_SCAN
-from semmap_log.interop.topics.lasers.placing import (
-    Cloud,
-    MapLink,
-    Placed,
-    Spreads,
-    Sweep,
-    Unusable,
-    Where,
-    cloud_of,
-    place_cloud,
-    place_sweep,
-    sweep_of,
-)
+from semmap_log.interop.topics import transforms
+from semmap_log.interop.topics.lasers import placing
 from semmap_log.interop.topics.topic_reader import TopicMessage, TopicProblems, happened_ns
 from semmap_log.interop.topics.topic_rules import ReadScan, RosMapping
-from semmap_log.interop.topics.transforms import (
-    LinkHistory,
-    LinkPose,
-    TransformTree,
-    angle_between,
-    rotated,
-)
 
 KEEP_NS = 10 * 10**9
 """Of TF's past."""
@@ -90,21 +72,21 @@ class Lasers:
     tops: dict[str, str] = field(default_factory=dict)
     """Topic -> where the frames above the laser end, where that is not the map; the laser's own
     frame: in no transform."""
-    _trees: dict[str, TransformTree] = field(default_factory=dict)
-    _spreads: dict[str, Spreads] = field(default_factory=dict)
-    _links: dict[str, MapLink] = field(default_factory=dict)
+    _trees: dict[str, transforms.TransformTree] = field(default_factory=dict)
+    _spreads: dict[str, placing.Spreads] = field(default_factory=dict)
+    _links: dict[str, placing.MapLink] = field(default_factory=dict)
     """By the topic of the poses."""
     _lasers: dict[str, _Laser] = field(default_factory=dict)
 
-    def tree(self, robot: str) -> TransformTree:
+    def tree(self, robot: str) -> transforms.TransformTree:
         """Return the frames of a robot, to put transforms in; "": of all that have none apart."""
         if robot not in self._trees:
-            tree = TransformTree(KEEP_NS if self.mapping.reads_scans else 0)
+            tree = transforms.TransformTree(KEEP_NS if self.mapping.reads_scans else 0)
             tree.placed_by_hand = self.mapping.map_frame if self._has_poses(robot) else None
             self._trees[robot] = tree
         return self._trees[robot]
 
-    def tree_of(self, robot: str) -> TransformTree:
+    def tree_of(self, robot: str) -> transforms.TransformTree:
         """Return the frames in which a robot is: its own, where there are such, or those of all."""
         return self.tree(robot if robot in self._trees else "")
 
@@ -130,11 +112,11 @@ class Lasers:
 
     def take_pose(self, got: TopicMessage, robot: str) -> None:
         """Take in where a robot is, in the map's frame, and how sure it is of that."""
-        self._spreads.setdefault(robot, Spreads()).take(got.message)
+        self._spreads.setdefault(robot, placing.Spreads()).take(got.message)
         for laser in self._lasers.values():
             if laser.rule.pose_topic == got.topic and got.topic not in self._links:
                 tree = self.tree_of(laser.robot)
-                self._links[got.topic] = MapLink(
+                self._links[got.topic] = placing.MapLink(
                     tree, self.mapping.map_frame, laser.robot_frame(tree)
                 )
         if got.topic in self._links:
@@ -142,7 +124,7 @@ class Lasers:
 
     def spread(self, robot: str, when_ns: int) -> tuple[float, float]:
         """Return how sure a robot was of its place: m and rad; NaN where it gave none."""
-        own = self._spreads.get(robot) or self._spreads.get("") or Spreads()
+        own = self._spreads.get(robot) or self._spreads.get("") or placing.Spreads()
         return own.at(when_ns)
 
     def placed(self, *, is_end: bool = False) -> Iterator[RobotScan]:
@@ -161,7 +143,7 @@ class _Laser:
     rule: ReadScan
     level: int
     all: Lasers
-    waiting: deque[tuple[Sweep | Cloud, int]] = field(default_factory=deque)
+    waiting: deque[tuple[placing.Sweep | placing.Cloud, int]] = field(default_factory=deque)
     """With when they came."""
     _stamp_ns: int = 0
     """Of the last scan that was taken."""
@@ -178,7 +160,7 @@ class _Laser:
     def counts(self) -> ScanCounts:
         return self.all.counts[self.topic]
 
-    def robot_frame(self, tree: TransformTree) -> str:
+    def robot_frame(self, tree: transforms.TransformTree) -> str:
         """Return what the robot's own frame is called: with its name before it, where that is."""
         plain = self.all.mapping.robot_frame
         prefixed = f"{self.robot}/{plain}"
@@ -187,8 +169,8 @@ class _Laser:
     def take(self, got: TopicMessage) -> None:
         self.counts.received += 1
         is_laser = got.ros_type == LASER_SCAN
-        scan = sweep_of(got.message) if is_laser else cloud_of(got.message)
-        if isinstance(scan, Unusable):
+        scan = placing.sweep_of(got.message) if is_laser else placing.cloud_of(got.message)
+        if isinstance(scan, placing.Unusable):
             self.drop(scan)
         elif self._advances(scan.stamp_ns):
             self._stamp_ns = scan.stamp_ns
@@ -196,12 +178,16 @@ class _Laser:
 
     def _advances(self, stamp_ns: int) -> bool:
         if stamp_ns <= 0:
-            self.drop(Unusable("a scan without a stamp"))
+            self.drop(placing.Unusable("a scan without a stamp"))
             return False
         back_ns = self._stamp_ns - stamp_ns
         if 0 <= back_ns <= AT_ONCE_BACK_NS:
             self.counts.repeated += 1
-            self.drop(Unusable("a scan whose stamp does not advance", f"by {-back_ns / 1e9:.3f} s"))
+            self.drop(
+                placing.Unusable(
+                    "a scan whose stamp does not advance", f"by {-back_ns / 1e9:.3f} s"
+                )
+            )
             return False
         if back_ns > 0:
             self.all.complaints.add(
@@ -220,7 +206,7 @@ class _Laser:
                 if not (late or is_end or len(self.waiting) > MOST_WAITING):
                     return
                 self.drop(self._without_place(found.on))
-            elif isinstance(found, Unusable):
+            elif isinstance(found, placing.Unusable):
                 self.drop(found)
             else:
                 robot_scan = self._on_level(scan, found, received_ns)
@@ -229,7 +215,9 @@ class _Laser:
                     yield robot_scan
             self.waiting.popleft()
 
-    def _placed(self, scan: Sweep | Cloud) -> Placed | Unusable | _Waits:
+    def _placed(
+        self, scan: placing.Sweep | placing.Cloud
+    ) -> placing.Placed | placing.Unusable | _Waits:
         """Return a scan on the map, or why it is not there, or not yet."""
         tree, top = self.all.tree_of(self.robot), self.all.mapping.map_frame
         chain = tree.chain(top, scan.frame)
@@ -238,7 +226,7 @@ class _Laser:
             return _Waits(tree.no_way(top, scan.frame))
         last_ns = scan.stamp_ns
         first_ns = last_ns
-        if isinstance(scan, Sweep):
+        if isinstance(scan, placing.Sweep):
             first_ns += int(scan.after_ns.min())
             last_ns += int(scan.after_ns.max())
         missing = uncovered(tree, chain, first_ns, last_ns)
@@ -248,18 +236,20 @@ class _Laser:
         if jump is not None:
             self.counts.jumps += 1
             self.counts.worst_jump = max(jump, self.counts.worst_jump or jump)
-            return Unusable("a scan while the pose jumped", str(jump))
-        where = Where(tree, chain, self.robot_frame(tree))
-        if isinstance(scan, Sweep):
-            return place_sweep(scan, where)
-        return place_cloud(scan, where, self.rule.heights)
+            return placing.Unusable("a scan while the pose jumped", str(jump))
+        where = placing.Where(tree, chain, self.robot_frame(tree))
+        if isinstance(scan, placing.Sweep):
+            return placing.place_sweep(scan, where)
+        return placing.place_cloud(scan, where, self.rule.heights)
 
-    def _on_level(self, scan: Sweep | Cloud, placed: Placed, received_ns: int) -> RobotScan | None:
+    def _on_level(
+        self, scan: placing.Sweep | placing.Cloud, placed: placing.Placed, received_ns: int
+    ) -> RobotScan | None:
         """Return what was seen when, by the clock of the log; None: that does not advance."""
         happened = self._when(scan.stamp_ns, received_ns)
         if 0 <= self._happened_ns - happened <= AT_ONCE_BACK_NS:
             self.counts.repeated += 1
-            self.drop(Unusable("a scan whose stamp does not advance"))
+            self.drop(placing.Unusable("a scan whose stamp does not advance"))
             return None
         self._happened_ns = happened
         sd_xy, sd_theta = self.all.spread(self.robot, scan.stamp_ns)
@@ -283,11 +273,11 @@ class _Laser:
         within_s = self.all.mapping.stamps_within_s
         return happened_ns(_Stamp(*divmod(stamp_ns, 10**9)), received_ns, within_s=within_s)
 
-    def _without_place(self, why: str) -> Unusable:
+    def _without_place(self, why: str) -> placing.Unusable:
         self.all.why_not[self.topic] = why
-        return Unusable("a scan without a TF position at its time; dropped", why)
+        return placing.Unusable("a scan without a TF position at its time; dropped", why)
 
-    def drop(self, why: Unusable) -> None:
+    def drop(self, why: placing.Unusable) -> None:
         self.all.complaints.add(self.topic, why.kind, why.example)
 
 
@@ -349,7 +339,7 @@ class Jump(NamedTuple):
 
 
 def uncovered(
-    tree: TransformTree, chain: tuple[str, ...], first_ns: int, last_ns: int
+    tree: transforms.TransformTree, chain: tuple[str, ...], first_ns: int, last_ns: int
 ) -> Uncovered | None:
     """Return the link that does not reach over a time; None: all of them do."""
     for frame, history in tree.moving(chain):
@@ -367,14 +357,14 @@ def uncovered(
     return None
 
 
-def _is_still(history: LinkHistory, before: int, after: int) -> bool:
+def _is_still(history: transforms.LinkHistory, before: int, after: int) -> bool:
     a, b = history.poses[before], history.poses[after]
-    turned = float(angle_between(a.turn, b.turn))
+    turned = float(transforms.angle_between(a.turn, b.turn))
     return math.dist(a.shift, b.shift) <= STILL_M and turned <= STILL_RAD
 
 
 def jump_in(
-    tree: TransformTree, chain: tuple[str, ...], first_ns: int, last_ns: int
+    tree: transforms.TransformTree, chain: tuple[str, ...], first_ns: int, last_ns: int
 ) -> Jump | None:
     """Return the jump between two transforms around a time that is covered; None: there is none.
 
@@ -392,7 +382,10 @@ def jump_in(
             if is_correction:
                 below = tree.at(chain[:-1], np.array([when_ns], np.int64)).shift
                 at = tuple(float(each[0]) for each in below)  # type: ignore[assignment]
-            metres, turned = math.dist(_moved(at, a), _moved(at, b)), angle_between(a.turn, b.turn)
+            metres, turned = (
+                math.dist(_moved(at, a), _moved(at, b)),
+                transforms.angle_between(a.turn, b.turn),
+            )
             seconds = (history.stamps[after] - history.stamps[before]) / 1e9
             share = 0.0 if is_correction else seconds
             if (
@@ -403,7 +396,7 @@ def jump_in(
     return None
 
 
-def _moved(at: tuple[float, float, float], pose: LinkPose) -> tuple[float, float, float]:
-    x, y, z = rotated(at, pose.turn)
+def _moved(at: tuple[float, float, float], pose: transforms.LinkPose) -> tuple[float, float, float]:
+    x, y, z = transforms.rotated(at, pose.turn)
     dx, dy, dz = pose.shift
     return float(x + dx), float(y + dy), float(z + dz)

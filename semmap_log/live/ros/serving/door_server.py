@@ -14,36 +14,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from semmap_log import errors
 from semmap_log.core.folds.levels import resolve_level
+from semmap_log.core.model import events as ev
 from semmap_log.core.model.commits import Note
 from semmap_log.core.model.doors import Door, DoorId, DoorMap
-from semmap_log.core.model.events import (
-    DoorAdded,
-    DoorRemoved,
-    DoorUpdated,
-    Event,
-    FloorMap,
-    LogExported,
-)
 from semmap_log.core.model.meaning import Changed
-from semmap_log.errors import (
-    CommandError,
-    CommandReusedError,
-    DoorRemovedError,
-    LogPoisonedError,
-    SemmapError,
-    UnknownDoorError,
-)
 from semmap_log.live.ros.ros_node import Goal, Outcome
-from semmap_log.live.ros.serving.saving import (
-    AddAsk,
-    Ask,
-    DoorSaver,
-    RemoveAsk,
-    SaveAsk,
-    UpdateAsk,
-    read_goal,
-)
+from semmap_log.live.ros.serving import saving
 from semmap_log.log.door_log.door_commands import content_of
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 
@@ -66,7 +44,7 @@ class DoorServer:
     def __init__(
         self,
         open_log: Callable[[], DoorLogWriter],
-        saver: DoorSaver,
+        saver: saving.DoorSaver,
         *,
         level: str | None = None,
         changed: Callable[[], None] = lambda: None,
@@ -88,7 +66,7 @@ class DoorServer:
         self._changed = changed
         self._opening = threading.Lock()
         self._log = open_log()
-        self._broken: LogPoisonedError | None = None
+        self._broken: errors.LogPoisonedError | None = None
         """Why the log that is open cannot be written, if it could not be reopened."""
         self._is_closed = False
 
@@ -101,7 +79,7 @@ class DoorServer:
         """Return the doors after the last commit."""
         return self._log.door_map()
 
-    def floor_of(self, doors: DoorMap, level: int) -> FloorMap | None:
+    def floor_of(self, doors: DoorMap, level: int) -> ev.FloorMap | None:
         """Return the floor plan that a level has in one of its door maps; None: it has none."""
         return self._log.floor_of(doors, level)
 
@@ -109,9 +87,9 @@ class DoorServer:
         """Do what a goal asks for, and return what became of it."""
         work = _Work(goal)
         try:
-            ask, work.said[:] = read_goal(goal.action, goal.values)
+            ask, work.said[:] = saving.read_goal(goal.action, goal.values)
             work.result = self._do(work, ask)
-        except (SemmapError, OSError) as error:
+        except (errors.SemmapError, OSError) as error:
             return work.outcome(succeeded=False, text=str(error))
         with suppress(Exception):  # who does not hear of the progress must still hear the result
             goal.feedback(100.0)
@@ -119,7 +97,7 @@ class DoorServer:
 
     def append(
         self,
-        make: Callable[[DoorLogWriter], list[Event]],
+        make: Callable[[DoorLogWriter], list[ev.Event]],
         *,
         note: Note,
         command_id: bytes,
@@ -148,7 +126,7 @@ class DoorServer:
             appended = log.append_made(
                 lambda: make(log), note=note, command_id=command_id, content=content
             )
-        except LogPoisonedError as error:
+        except errors.LogPoisonedError as error:
             return self._after_failure(log, command_id, error, lost)
         if appended is None:
             return None
@@ -162,7 +140,7 @@ class DoorServer:
             self._is_closed = True
             self._log.close()
 
-    def _do(self, work: _Work, ask: Ask) -> Any:
+    def _do(self, work: _Work, ask: saving.Ask) -> Any:
         """Return the result's value, once the request is done and durable.
 
         Raises:
@@ -176,14 +154,14 @@ class DoorServer:
                 content=content_of(work.goal.action, ask),
                 lost=work.lost,
             )
-        except CommandReusedError as error:
-            raise CommandReusedError(f"goal id {work.goal.raw_goal_id}: {error}") from None
+        except errors.CommandReusedError as error:
+            raise errors.CommandReusedError(f"goal id {work.goal.raw_goal_id}: {error}") from None
         if first is None:
             return True
-        if not isinstance(ask, AddAsk):
+        if not isinstance(ask, saving.AddAsk):
             return True
         added = work.events[0] if work.events else self._log.event(first).event
-        assert isinstance(added, DoorAdded), "it is what the goal became"
+        assert isinstance(added, ev.DoorAdded), "it is what the goal became"
         return int(added.door_id)
 
     def _usable_log(self) -> DoorLogWriter:
@@ -202,7 +180,7 @@ class DoorServer:
         self,
         failed: DoorLogWriter,
         command_id: bytes,
-        error: LogPoisonedError,
+        error: errors.LogPoisonedError,
         lost: Callable[[], str],
     ) -> int:
         """Reopen the log, and return the first event of a command whose write failed.
@@ -216,48 +194,48 @@ class DoorServer:
                 self._reopen(error)
         known = self._log.find_command(command_id)
         if known is None:
-            raise CommandError(
+            raise errors.CommandError(
                 f"the log could not be written: {_why(error)}. {lost()}; send it again when the "
                 "disk is well."
             )
         return known.first_event
 
-    def _reopen(self, error: LogPoisonedError) -> None:
-        with suppress(LogPoisonedError):  # it was; the lock is let go of all the same
+    def _reopen(self, error: errors.LogPoisonedError) -> None:
+        with suppress(errors.LogPoisonedError):  # it was; the lock is let go of all the same
             self._log.close()
         self._broken = error
         try:
             self._log = self._open_log()
-        except (SemmapError, OSError) as another:
-            raise LogPoisonedError(
+        except (errors.SemmapError, OSError) as another:
+            raise errors.LogPoisonedError(
                 f"the log could not be written: {_why(error)}; nor be opened again: {another} "
                 "Whether this goal is stored is not known; send it again with the same id."
             ) from error
         self._broken = None
         self._changed()
 
-    def _events(self, log: DoorLogWriter, work: _Work, ask: Ask) -> list[Event]:
+    def _events(self, log: DoorLogWriter, work: _Work, ask: saving.Ask) -> list[ev.Event]:
         """Return what a goal means for the log as it stands; the log is held meanwhile."""
         happened_ns = when_ns(log)
-        if isinstance(ask, AddAsk):
+        if isinstance(ask, saving.AddAsk):
             level = resolve_level(self._level, log.state.door_map())
             return [_added(ask, log.door_index.next_free_id, level, happened_ns)]
-        if isinstance(ask, UpdateAsk):
+        if isinstance(ask, saving.UpdateAsk):
             return _updated(ask, _known_door(log, ask.door_id), happened_ns)
-        if isinstance(ask, RemoveAsk):
+        if isinstance(ask, saving.RemoveAsk):
             _known_door(log, ask.door_id)
-            return [DoorRemoved(door_id=ask.door_id, happened_ns=happened_ns)]
+            return [ev.DoorRemoved(door_id=ask.door_id, happened_ns=happened_ns)]
         return [self._saved(ask, log, work, happened_ns)]
 
     def _saved(
-        self, ask: SaveAsk, log: DoorLogWriter, work: _Work, happened_ns: int | None
-    ) -> Event:
+        self, ask: saving.SaveAsk, log: DoorLogWriter, work: _Work, happened_ns: int | None
+    ) -> ev.Event:
         """Write the file, and return the event that says so; no commit comes in between."""
         left_out = self._saver.save(ask.file_name, log.state.door_map())
         work.result = True  # whatever becomes of the commit
         work.said += [f"left out: {text}." for text in left_out]
         at_ns = log.now_ns() if happened_ns is None else happened_ns
-        return LogExported(
+        return ev.LogExported(
             format=SAVED_FORMAT, file_name=ask.file_name, at_ns=at_ns, happened_ns=happened_ns
         )
 
@@ -269,12 +247,12 @@ class _Work:
     goal: Goal
     said: list[str] = field(default_factory=list)
     """Warnings."""
-    events: list[Event] = field(default_factory=list)
+    events: list[ev.Event] = field(default_factory=list)
     """What it means for the log."""
     result: Any = None
     """The result's value; None: nothing was done."""
 
-    def remember(self, events: list[Event]) -> list[Event]:
+    def remember(self, events: list[ev.Event]) -> list[ev.Event]:
         """Keep the events that are about to be appended, and return them."""
         self.events = events
         return events
@@ -316,16 +294,18 @@ def _known_door(log: DoorLogWriter, door_id: DoorId) -> Door:
     if known is not None:
         return known
     if door_id in log.state.used_door_ids:
-        raise DoorRemovedError(
+        raise errors.DoorRemovedError(
             f"door_id: door {door_id} was removed; ids are never used twice."
             f"{log.door_index.way_back(door_id)}"
         )
-    raise UnknownDoorError(f"door_id: door {door_id} is not in the map.")
+    raise errors.UnknownDoorError(f"door_id: door {door_id} is not in the map.")
 
 
-def _added(ask: AddAsk, door_id: DoorId, level: int, happened_ns: int | None) -> DoorAdded:
+def _added(
+    ask: saving.AddAsk, door_id: DoorId, level: int, happened_ns: int | None
+) -> ev.DoorAdded:
     x, y, theta = ask.place
-    return DoorAdded(
+    return ev.DoorAdded(
         door_id=door_id,
         level=level,
         x=x,
@@ -339,10 +319,10 @@ def _added(ask: AddAsk, door_id: DoorId, level: int, happened_ns: int | None) ->
     )
 
 
-def _updated(ask: UpdateAsk, known: Door, happened_ns: int | None) -> list[Event]:
+def _updated(ask: saving.UpdateAsk, known: Door, happened_ns: int | None) -> list[ev.Event]:
     """Return what is to be set: the values that differ, if any does."""
     if not known.is_placed and (ask.place is None) != (ask.width is None):
-        raise CommandError(
+        raise errors.CommandError(
             f"door {known.door_id} has no place yet; to place it, set change_pos and "
             "change_width together."
         )
@@ -358,7 +338,7 @@ def _updated(ask: UpdateAsk, known: Door, happened_ns: int | None) -> list[Event
         return []
     x, y, theta = ask.place if changed & Changed.POSE and ask.place else (math.nan,) * 3
     return [
-        DoorUpdated(
+        ev.DoorUpdated(
             door_id=known.door_id,
             changed=changed,
             level=known.level,
@@ -378,5 +358,5 @@ def _or_nan(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def _why(error: LogPoisonedError) -> str:
+def _why(error: errors.LogPoisonedError) -> str:
     return str(error).rstrip(".")

@@ -17,15 +17,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, NoReturn, TypeAlias
 
 from semmap_log.core.io.disk import check_outside_log, replace_file
-from semmap_log.core.model.doors import (
-    MAX_DOOR_ID,
-    NAN,
-    THESIS_STATES,
-    DoorId,
-    DoorMap,
-    DoorState,
-    thesis_state,
-)
+from semmap_log.core.model import doors as door_model
 from semmap_log.errors import InvalidEventError, OutputError
 from semmap_log.interop.formats.files.thesis_yaml import SAVED_SUFFIX, dump_thesis_yaml
 from semmap_log.live.ros.ros_node import Values
@@ -64,7 +56,7 @@ class DoorSaver:
             "--save-root DIR gives another folder."
         )
 
-    def save(self, file_name: str, doors: DoorMap) -> list[str]:
+    def save(self, file_name: str, doors: door_model.DoorMap) -> list[str]:
         """Write the doors, whole or not at all; return what is left out of which, and why.
 
         Args:
@@ -152,7 +144,7 @@ class AddAsk:
 
     place: Place
     width: float
-    state: DoorState
+    state: door_model.DoorState
     prob_open: float
     """NaN: not given."""
     prob_closed: float
@@ -162,10 +154,10 @@ class AddAsk:
 class UpdateAsk:
     """Values of a door are to be set; None: that one is to stay as it is."""
 
-    door_id: DoorId
+    door_id: door_model.DoorId
     place: Place | None
     width: float | None
-    state: DoorState | None
+    state: door_model.DoorState | None
     prob_open: float | None
     prob_closed: float | None
 
@@ -174,7 +166,7 @@ class UpdateAsk:
 class RemoveAsk:
     """A door is to leave the map."""
 
-    door_id: DoorId
+    door_id: door_model.DoorId
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,12 +231,12 @@ class _Fields:
     def number(self, name: str) -> float:
         return float(self.values.get(name, 0.0))
 
-    def door_id(self) -> DoorId:
+    def door_id(self) -> door_model.DoorId:
         """Return the id: the goal's field has 64 bits, an id 32."""
         door_id = int(self.values.get("door_id", 0))
-        if not 0 <= door_id <= MAX_DOOR_ID:
-            _refuse("door_id", f"a whole number from 0 to {MAX_DOOR_ID}", door_id)
-        return DoorId(door_id)
+        if not 0 <= door_id <= door_model.MAX_DOOR_ID:
+            _refuse("door_id", f"a whole number from 0 to {door_model.MAX_DOOR_ID}", door_id)
+        return door_model.DoorId(door_id)
 
     def place(self) -> Place:
         for name in ("pos_x", "pos_y", "pos_theta"):
@@ -259,21 +251,21 @@ class _Fields:
             _refuse("width", "a finite number of metres, 0 or more", width)
         return width
 
-    def state(self) -> DoorState:
+    def state(self) -> door_model.DoorState:
         """Return the state, in any case of letters; a text that is none is UNKNOWN (4.2.2)."""
         text = str(self.values.get("door_state", ""))
-        known = thesis_state(text)
+        known = door_model.thesis_state(text)
         if known is None:
             self.warnings.append(
-                f"door_state: expected one of {', '.join(THESIS_STATES)}, got {text!r}; "
+                f"door_state: expected one of {', '.join(door_model.THESIS_STATES)}, got {text!r}; "
                 "taken for UNKNOWN."
             )
-        return DoorState.UNKNOWN if known is None else known
+        return door_model.DoorState.UNKNOWN if known is None else known
 
     def probability(self, name: str) -> float:
         value = self.number(name)
         if math.isnan(value):
-            return NAN
+            return door_model.NAN
         if not 0 <= value <= 1:
             _refuse(name, "a number from 0 to 1, or NaN where none is given", value)
         return value

@@ -25,27 +25,15 @@ from semmap_log.core.model.doors import Door, DoorId, DoorMap
 from semmap_log.core.model.events import DoorAdded, FloorMap, PatrolStarted, Retracted
 from semmap_log.core.model.moments import Moment
 from semmap_log.errors import CostmapError, PlanError, UnknownDoorError
-from semmap_log.interop.exporting.stream_topics import (
-    LatestDoors,
-    LevelDoors,
-    ThesisDoors,
-    heights_of,
-)
+from semmap_log.interop.exporting import stream_topics
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic, NewBag
+from semmap_log.interop.formats.ros import ros_types
 from semmap_log.interop.formats.ros.door_messages import DoorMarkers, ThesisMessages
-from semmap_log.interop.formats.ros.ros_types import (
-    DOOR_MAP,
-    MARKERS,
-    POSE_ARRAY,
-    Messages,
-    RosVersion,
-    encoded,
-)
 from semmap_log.live.ros.ros_node import Publisher, RosNode
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.views.palette import DEFAULT, Palette
 
-DOOR_DB = BagTopic("lta_semantic_map_door_db", DOOR_MAP, is_latched=True)
+DOOR_DB = BagTopic("lta_semantic_map_door_db", ros_types.DOOR_MAP, is_latched=True)
 """The thesis's topic (4.2.5); relative, so that it follows the node's namespace."""
 MARKERS_NAME = "semmap/doors"
 
@@ -73,8 +61,8 @@ class ServedDoors:
         self._names = names
         self._palette = palette
         self._markers = DoorMarkers(topics.ros_version)
-        self._thesis = ThesisDoors(ThesisMessages(topics.ros_version, default_prob))
-        self._levels: dict[int, LevelDoors] = {}
+        self._thesis = stream_topics.ThesisDoors(ThesisMessages(topics.ros_version, default_prob))
+        self._levels: dict[int, stream_topics.LevelDoors] = {}
         self._heights: dict[int, float] = {}
         self._changes = ChangedDoors()
         self._has_sent = False
@@ -98,7 +86,7 @@ class ServedDoors:
         if is_thesis_new:
             self._topics.write_encoded(DOOR_DB, at_ns, self._thesis.message())
         for level in sorted(others):
-            topic = self._names.topic(MARKERS_NAME, level, MARKERS)
+            topic = self._names.topic(MARKERS_NAME, level, ros_types.MARKERS)
             self._topics.write_encoded(topic, at_ns, self._levels[level].message())
         self._has_sent = True
 
@@ -106,16 +94,18 @@ class ServedDoors:
         """Take in new levels and their heights; return the new ones, and whether any is redrawn."""
         levels = levels_of(doors) | self._levels.keys() or {0}
         elevations = {n: level.elevation for n, level in doors.levels.items()}
-        heights = heights_of(LatestDoors(elevations=elevations), dict.fromkeys(levels))
+        heights = stream_topics.heights_of(
+            stream_topics.LatestDoors(elevations=elevations), dict.fromkeys(levels)
+        )
         if heights == self._heights:
             return set(), False
         new = levels - self._levels.keys()
-        self._levels |= {n: LevelDoors(self._markers, n, self._palette) for n in new}
+        self._levels |= {n: stream_topics.LevelDoors(self._markers, n, self._palette) for n in new}
         self._heights = heights
         return new, True
 
 
-PLAN = BagTopic("semmap/patrol_plan", POSE_ARRAY, is_latched=True)
+PLAN = BagTopic("semmap/patrol_plan", ros_types.POSE_ARRAY, is_latched=True)
 """Relative, so that it follows the node's namespace."""
 
 _MAY_HELP = (DoorAdded, FloorMap)
@@ -161,7 +151,7 @@ class ServedPlan:
         self._log = log
         self._warn = warn
         self._wish = wish
-        self._messages = Messages(topics.ros_version)
+        self._messages = ros_types.Messages(topics.ros_version)
         self._begin: _Begin | None = None
         self._round: FollowedRound | None = None
         self._event = -1
@@ -222,13 +212,15 @@ class ServedPlan:
         if self._round is None:
             return []
         elevations = {number: level.elevation for number, level in doors.levels.items()}
-        heights = heights_of(LatestDoors(elevations=elevations), dict.fromkeys(levels_of(doors)))
+        heights = stream_topics.heights_of(
+            stream_topics.LatestDoors(elevations=elevations), dict.fromkeys(levels_of(doors))
+        )
         return [_pose(stop, heights.get(stop.place.level, 0.0)) for stop in self._round.stops()]
 
     def _message(self, poses: list[tuple[float, ...]], at_ns: int) -> Any:
         made = [self._messages.pose(*pose) for pose in poses]
         header = self._messages.header(at_ns, self._count)
-        return self._messages.new(POSE_ARRAY, header=header, poses=made)
+        return self._messages.new(ros_types.POSE_ARRAY, header=header, poses=made)
 
 
 def _begin_of(log: DoorLog) -> _Begin:
@@ -252,7 +244,7 @@ class ServedTopics:
     """A node's topics, to be written to as to a bag (`NewBag`)."""
 
     def __init__(self, node: RosNode) -> None:
-        self.ros_version: RosVersion = node.ros_version
+        self.ros_version: ros_types.RosVersion = node.ros_version
         self._node = node
         self._publishers: dict[BagTopic, Publisher] = {}
 
@@ -267,7 +259,9 @@ class ServedTopics:
 
     def write(self, topic: BagTopic, at_ns: int, message: Any) -> None:
         """Publish a message."""
-        self.write_encoded(topic, at_ns, encoded(self.ros_version, message, topic.ros_type))
+        self.write_encoded(
+            topic, at_ns, ros_types.encoded(self.ros_version, message, topic.ros_type)
+        )
 
     def write_encoded(self, topic: BagTopic, at_ns: int, data: bytes) -> None:
         """Publish a message that is bytes already.

@@ -22,13 +22,8 @@ from typing import Protocol
 
 from semmap_log.analysis.costmap_2d.costs import DoorLayer
 from semmap_log.analysis.costmap_2d.layered import LayeredCostmap
+from semmap_log.analysis.costmaps import level_costmap
 from semmap_log.analysis.costmaps.door_layer_fold import line_of
-from semmap_log.analysis.costmaps.level_costmap import (
-    CostmapOptions,
-    ends_of,
-    geometry_of,
-    layers_of,
-)
 from semmap_log.core.model.doors import Door, DoorId, DoorMap
 from semmap_log.core.model.events import FloorMap
 from semmap_log.errors import CostmapError
@@ -36,16 +31,8 @@ from semmap_log.interop.formats.bags.bag_protocol import BagTopic
 from semmap_log.interop.formats.ros.door_messages import GridFrame, GridStream
 from semmap_log.interop.formats.ros.ros_types import GRID, GRID_UPDATE
 from semmap_log.live.ros.ros_node import Goal, Outcome, RosNode, action_name
+from semmap_log.live.ros.serving import served_topics
 from semmap_log.live.ros.serving.door_server import ACTIONS
-from semmap_log.live.ros.serving.served_topics import (
-    ChangedDoors,
-    LevelNames,
-    PatrolWish,
-    ServedDoors,
-    ServedPlan,
-    ServedTopics,
-    levels_of,
-)
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.views.palette import DEFAULT, Palette
 
@@ -77,9 +64,9 @@ class ServeOptions:
     palette: Palette = DEFAULT
     default_prob: float | None = None
     """Stands in the DoorMap for probabilities that were not given; None: NaN does."""
-    costs: CostmapOptions = field(default_factory=CostmapOptions)
+    costs: level_costmap.CostmapOptions = field(default_factory=level_costmap.CostmapOptions)
     """What doors cost in the grids."""
-    patrol: PatrolWish | None = None
+    patrol: served_topics.PatrolWish | None = None
     """What the robot is to visit; None: no plan is offered."""
 
 
@@ -103,10 +90,12 @@ class Server:
         self._ending = False
         self._failure: Exception | None = None
         known = doors.door_map()
-        names = LevelNames(levels_of(known) | options.floors.keys())
-        topics = ServedTopics(node)
-        self._shown: list[ServedDoors | ServedCostmaps | ServedPlan] = [
-            ServedDoors(topics, names, palette=options.palette, default_prob=options.default_prob)
+        names = served_topics.LevelNames(served_topics.levels_of(known) | options.floors.keys())
+        topics = served_topics.ServedTopics(node)
+        self._shown: list[served_topics.ServedDoors | ServedCostmaps | served_topics.ServedPlan] = [
+            served_topics.ServedDoors(
+                topics, names, palette=options.palette, default_prob=options.default_prob
+            )
         ]
         if options.costmap:
             self._shown.append(
@@ -122,7 +111,7 @@ class Server:
 
         if options.patrol is not None:  # last: to plan takes its time
             self._shown.append(
-                ServedPlan(
+                served_topics.ServedPlan(
                     topics,
                     lambda: doors.log,
                     lambda text: node.log(text, is_warning=True),
@@ -199,13 +188,13 @@ class ServedCostmaps:
 
     def __init__(
         self,
-        topics: ServedTopics,
-        names: LevelNames,
+        topics: served_topics.ServedTopics,
+        names: served_topics.LevelNames,
         floor_of: FloorOf,
         warn: Callable[[str], None],
         *,
         floors: dict[int, FloorMap] | None = None,
-        options: CostmapOptions = CostmapOptions(),
+        options: level_costmap.CostmapOptions = level_costmap.CostmapOptions(),
     ) -> None:
         """Choose.
 
@@ -224,7 +213,7 @@ class ServedCostmaps:
         self._warn = warn
         self._floors = floors or {}
         self._levels: dict[int, _Level] = {}
-        self._changes = ChangedDoors()
+        self._changes = served_topics.ChangedDoors()
         self._lacking: set[int] = set()
         """Levels whose grid is not as it should be."""
         self._warned: dict[int, str] = {}
@@ -238,7 +227,9 @@ class ServedCostmaps:
         """
         self._at_ns = max(self._at_ns, at_ns)  # a simulation may begin again
         changed = self._changes.take(doors)
-        for level in sorted(levels_of(doors) | self._floors.keys() | self._levels.keys()):
+        for level in sorted(
+            served_topics.levels_of(doors) | self._floors.keys() | self._levels.keys()
+        ):
             self._show_level(doors, level, changed)
 
     def _show_level(self, doors: DoorMap, level: int, changed: Changes) -> None:
@@ -280,20 +271,22 @@ class _Level:
 
     def __init__(
         self,
-        topics: ServedTopics,
-        names: LevelNames,
+        topics: served_topics.ServedTopics,
+        names: served_topics.LevelNames,
         doors: DoorMap,
         level: int,
         *,
         floor: FloorMap | None,
         plan_event: int | None,
-        options: CostmapOptions,
+        options: level_costmap.CostmapOptions,
     ) -> None:
         self.plan_event = plan_event
         self._level = level
         self._floor = floor
         self._by, self._only = options.by, options.object_class
-        self._geometry = geometry = geometry_of(floor, ends_of(doors, level), level, options)
+        self._geometry = geometry = level_costmap.geometry_of(
+            floor, level_costmap.ends_of(doors, level), level, options
+        )
         if floor is None and geometry.width * geometry.height > MOST_CELLS:
             raise CostmapError(
                 f"a grid around the doors: expected at most {MOST_CELLS:,} cells, got "
@@ -301,7 +294,7 @@ class _Level:
                 "door that is far away"
             )
         self._layer = DoorLayer(geometry)
-        layers = layers_of(geometry, floor, self._layer, options)
+        layers = level_costmap.layers_of(geometry, floor, self._layer, options)
         self._master = LayeredCostmap(geometry, layers, track_unknown=floor is None)
 
         def stream(name: str) -> GridStream:

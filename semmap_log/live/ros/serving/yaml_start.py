@@ -20,13 +20,8 @@ from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CommandError, SemmapError
 from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor
 from semmap_log.interop.formats.files.thesis_yaml import read_thesis_yaml
+from semmap_log.interop.importing import importing
 from semmap_log.interop.importing.import_plan import differences
-from semmap_log.interop.importing.importing import (
-    ImportOptions,
-    command_id_of,
-    import_file,
-    plan_thesis_yaml,
-)
 from semmap_log.live.ros.ros_node import Goal, Outcome
 from semmap_log.live.ros.serving.door_server import RESULTS, SAVED_FORMAT
 from semmap_log.log.door_log.door_log import DoorLog
@@ -65,7 +60,7 @@ def start_with_yaml(
     """
     table = read_thesis_yaml(path)
     if not log.state.used_door_ids:
-        plan = import_file(log, path, ImportOptions(level=level)).plan
+        plan = importing.import_file(log, path, importing.ImportOptions(level=level)).plan
         left_out = (f"left out: {text}" for text in plan.left_out)
         return [*plan.summary, *left_out, *(f"warning: {text}" for text in plan.warnings)]
     found = list(_differing(table, log.door_map(), default_prob))
@@ -134,7 +129,9 @@ def _replace(
             f"{table.path}:{gone[0].line}: the adding of door {gone[0].door_id} was taken back, "
             "and an id is never used twice; give the door another number in the file."
         )
-    plan = plan_thesis_yaml(log, table.path, ImportOptions(level=level, update=True))
+    plan = importing.plan_thesis_yaml(
+        log, table.path, importing.ImportOptions(level=level, update=True)
+    )
     listed = {door.door_id for door in table.doors}
     removed: list[Event] = [
         DoorRemoved(door_id=door_id)
@@ -153,7 +150,10 @@ def _is_known(
     log: DoorLogWriter, table: DoorTable, level: str | None, default_prob: float | None
 ) -> bool:
     """Return whether the log took the file in, as it is, or saved an equal one."""
-    ids = (command_id_of(table.path, ImportOptions(level=level)), _replace_id(table.path))
+    ids = (
+        importing.command_id_of(table.path, importing.ImportOptions(level=level)),
+        _replace_id(table.path),
+    )
     if any(log.find_command(each) for each in ids):
         return True
     saved = [

@@ -11,27 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from semmap_log import errors
 from semmap_log.core.io.disk import TEMPORARY_SUFFIX
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.lazily import late_pattern
-from semmap_log.errors import (
-    LogAccessError,
-    LogError,
-    LogLockedError,
-    OutputError,
-    StaleIndexError,
-)
-from semmap_log.log.replay.read_model.events_about import (
-    COMMITS,
-    EVENTS,
-    FOLDER,
-    PARTS,
-    SegmentTables,
-    binding_path,
-    has_pyarrow,
-    part_path,
-    tell,
-)
+from semmap_log.log.replay.read_model import events_about
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.segment_reading import NotesByCommit, batches_of
 from semmap_log.store.reading.segment_scan import Segment
@@ -92,16 +76,18 @@ def index(
     folder = _folder_of(reader)
     try:
         if folder.is_symlink():
-            raise LogAccessError(f"{folder}: expected a folder of this log, got a link; remove it.")
+            raise errors.LogAccessError(
+                f"{folder}: expected a folder of this log, got a link; remove it."
+            )
         folder.mkdir(exist_ok=True)
         with _alone(folder):
             return _index(
                 reader, folder, anew=anew, thorough=thorough, progress=progress, pause=pause
             )
-    except LogError:
+    except errors.LogError:
         raise
     except OSError as error:
-        raise OutputError(
+        raise errors.OutputError(
             f"{folder}: could not be written: {error.strerror or error}. The log is as it was; "
             "what the index lacks is read from the log."
         ) from error
@@ -114,8 +100,8 @@ def keep_up(log: Path, pause: Callable[[], None]) -> None:
         log: Its folder.
         pause: As for `index`.
     """
-    if (log / FOLDER).is_dir() and has_pyarrow():
-        with suppress(LogLockedError):
+    if (log / events_about.FOLDER).is_dir() and events_about.has_pyarrow():
+        with suppress(errors.LogLockedError):
             index(log, thorough=False, pause=pause)
 
 
@@ -146,13 +132,15 @@ def remove_stale_tables(log: Path) -> None:
     Raises:
         LogAccessError: The file system does not let us.
     """
-    folder = log / FOLDER
+    folder = log / events_about.FOLDER
     if not folder.is_dir():
         return
     try:
         _tidied(folder, {s.path.stem for s in _indexable(LogReader(log))})
     except OSError as error:
-        raise LogAccessError(f"{folder}: cannot be tidied: {error.strerror or error}.") from error
+        raise errors.LogAccessError(
+            f"{folder}: cannot be tidied: {error.strerror or error}."
+        ) from error
 
 
 def remove_stale_tables_alone(log: Path) -> None:
@@ -162,15 +150,15 @@ def remove_stale_tables_alone(log: Path) -> None:
         LogLockedError: Somebody does, perhaps of segments as they were before they were trimmed.
         LogAccessError: The file system does not let us.
     """
-    with _alone(log / FOLDER):
+    with _alone(log / events_about.FOLDER):
         remove_stale_tables(log)
 
 
 def index_state(reader: LogReader) -> IndexState | None:
     """Return how far the read model of a log is; None: it has none."""
-    if not isinstance(reader.given, Path) or not (reader.given / FOLDER).is_dir():
+    if not isinstance(reader.given, Path) or not (reader.given / events_about.FOLDER).is_dir():
         return None
-    folder = reader.given / FOLDER
+    folder = reader.given / events_about.FOLDER
     closed = _indexable(reader)
     indexed = sum(_is_good(folder, segment, thorough=False) for segment in closed)
     return IndexState(len(closed), indexed, sum(map(_size_of, _files_in(folder))))
@@ -198,8 +186,8 @@ def index_problems(log: Path) -> list[tuple[Path, str]]:
     Raises:
         LogError: The log itself cannot be read.
     """
-    folder = log / FOLDER
-    if not folder.is_dir() or not has_pyarrow():
+    folder = log / events_about.FOLDER
+    if not folder.is_dir() or not events_about.has_pyarrow():
         return []
     try:
         files = sorted(folder.iterdir())
@@ -228,10 +216,10 @@ def _problems(log: Path, told: Sequence[Path]) -> Iterator[tuple[Path, str]]:
 def _problem(folder: Path, segment: Segment) -> str:
     """Return what is wrong with the tables of a segment; "": nothing, or it has none."""
     try:
-        tables = SegmentTables.of(folder, segment)
+        tables = events_about.SegmentTables.of(folder, segment)
         if tables is not None:
             tables.check()
-    except StaleIndexError as error:
+    except errors.StaleIndexError as error:
         return str(error)
     return ""
 
@@ -239,11 +227,11 @@ def _problem(folder: Path, segment: Segment) -> str:
 def _folder_of(reader: LogReader) -> Path:
     given = reader.given
     if not isinstance(given, Path) or not given.is_dir():
-        raise LogAccessError(
+        raise errors.LogAccessError(
             f"{reader.folder}: expected a log's folder on this machine, got something else; "
             "fetch or unpack it first."
         )
-    return given / FOLDER
+    return given / events_about.FOLDER
 
 
 def _index(
@@ -278,10 +266,10 @@ def _index(
 def _is_good(folder: Path, segment: Segment, *, thorough: bool) -> bool:
     """Return whether a segment has tables; `thorough`: whether each byte is as written."""
     try:
-        tables = SegmentTables.of(folder, segment)
+        tables = events_about.SegmentTables.of(folder, segment)
         if tables is not None:
             tables.check() if thorough else tables.check_ends()
-    except StaleIndexError:
+    except errors.StaleIndexError:
         return False
     return tables is not None
 
@@ -303,24 +291,24 @@ def _make(folder: Path, segment: Segment, pause: Callable[[], None] | None) -> i
     if not count:
         return 0
     stem = segment.path.stem
-    binding_path(folder, stem).unlink(missing_ok=True)
+    events_about.binding_path(folder, stem).unlink(missing_ok=True)
     commits = said.commits()
     numbers = segment.header.first_event + np.arange(count)
     events = rows.sorted(commits.notes_of(numbers).astype(np.int32), commits.texts)
     table = commit_table(commits)
-    with _whole(part_path(folder, stem, EVENTS)) as temporary:
+    with _whole(events_about.part_path(folder, stem, events_about.EVENTS)) as temporary:
         tables, sample = events.tables(FEW_ROWS), events.sample(SAMPLED)
         write_groups(temporary, tables, sample, pause)
-    with _whole(part_path(folder, stem, COMMITS)) as temporary:
+    with _whole(events_about.part_path(folder, stem, events_about.COMMITS)) as temporary:
         groups = (table.slice(at, FEW_ROWS) for at in range(0, len(table), FEW_ROWS))
         write_groups(temporary, groups, table.slice(0, SAMPLED), pause)
-    with _whole(binding_path(folder, stem)) as temporary:
-        temporary.write_text(tell(folder, stem, segment), "utf-8")
+    with _whole(events_about.binding_path(folder, stem)) as temporary:
+        temporary.write_text(events_about.tell(folder, stem, segment), "utf-8")
     return count
 
 
 _OURS = late_pattern(
-    rf"(?P<stem>.+_\d{{6,}})\.(?:json|(?:{'|'.join(PARTS)})\.parquet)"
+    rf"(?P<stem>.+_\d{{6,}})\.(?:json|(?:{'|'.join(events_about.PARTS)})\.parquet)"
     rf"(?P<is_left>\.\d+{re.escape(TEMPORARY_SUFFIX)})?",
     re.DOTALL,
 )
@@ -367,8 +355,8 @@ def _alone(folder: Path) -> Iterator[None]:
 
     try:
         lock = WriterLock(LogFolder(folder))
-    except LogLockedError:
-        raise LogLockedError(
+    except errors.LogLockedError:
+        raise errors.LogLockedError(
             f"{folder}: another process is making this index; it will be there soon."
         ) from None
     try:
