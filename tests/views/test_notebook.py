@@ -177,6 +177,7 @@ def test_without_matplotlib_a_plot_says_what_to_install(
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     for name in ("figures", "lanes"):
         monkeypatch.delitem(sys.modules, f"semmap_log.views.plots.{name}", raising=False)
+        monkeypatch.delattr(f"semmap_log.views.plots.{name}", raising=False)
 
     for plot in (log.plot, log.timeline(1).plot):
         with pytest.raises(MissingExtraError, match=r"matplotlib.*'semmap-log\[plots\]'"):

@@ -21,6 +21,7 @@ def without_duckdb(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "duckdb", None)
     for name in [name for name in sys.modules if name.startswith("semmap_log.analysis.sql")]:
         monkeypatch.delitem(sys.modules, name)
+        monkeypatch.delattr(name, raising=False)
 
 
 @pytest.mark.usefixtures("without_duckdb")

@@ -23,6 +23,7 @@ def without_pyarrow(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     for name in NEEDS_IT:
         monkeypatch.delitem(sys.modules, f"semmap_log.core.arrow.{name}", raising=False)
+        monkeypatch.delattr(f"semmap_log.core.arrow.{name}", raising=False)
 
 
 @pytest.mark.usefixtures("without_pyarrow")

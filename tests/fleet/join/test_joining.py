@@ -25,7 +25,7 @@ from semmap_log.core.model.events import (
     RobotPose,
 )
 from semmap_log.errors import CorruptLogError, FormatError, LogAccessError, LogError, NewerLogError
-from semmap_log.fleet.join import joining_logs
+from semmap_log.fleet.join import joined_logs, joining_logs
 from semmap_log.fleet.shipping import ship
 from semmap_log.log.door_log.robot_names import robots_of, robots_of_poses
 from semmap_log.log.replay.maintenance import recover, verify
@@ -307,7 +307,7 @@ def test_two_commands_of_one_id_stay_two(tmp_path: Path) -> None:
         with a_robot(tmp_path / robot, clock=SetClock(START_NS + number * SECOND_NS)) as log:
             log.add_door(x=1.0, y=1.0, theta=0.0, width=1.0, name="front", command_id=bytes(16))
     view = joining_logs.JoinedView(
-        joining_logs.open_joined(
+        joined_logs.open_joined(
             joining_logs.defined([tmp_path / "tug1", tmp_path / "tug2"], frames={})
         ),
         None,

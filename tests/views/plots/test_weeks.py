@@ -104,6 +104,7 @@ def test_without_matplotlib_it_says_what_to_install(monkeypatch: pytest.MonkeyPa
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     for name in ("figures", "typical_weeks"):
         monkeypatch.delitem(sys.modules, f"semmap_log.views.plots.{name}", raising=False)
+        monkeypatch.delattr(f"semmap_log.views.plots.{name}", raising=False)
 
     with pytest.raises(MissingExtraError, match=r"pip install 'semmap-log\[plots\]'"):
         import semmap_log.views.plots.typical_weeks  # noqa: F401

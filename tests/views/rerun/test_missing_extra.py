@@ -23,6 +23,7 @@ def without_rerun(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, name, None)
     for name in [name for name in sys.modules if name.startswith(f"{ROOM}.")]:
         monkeypatch.delitem(sys.modules, name)
+        monkeypatch.delattr(name, raising=False)
 
 
 def test_saving_says_what_to_install(tmp_path: Path) -> None:
