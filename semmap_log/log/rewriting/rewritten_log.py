@@ -114,6 +114,8 @@ class RewrittenLog:
 
 def _begins_ns(events: list[Any], commit: Commit) -> int:
     """Return when a rewritten commit is recorded."""
+    if len(events) >= commit.count:  # nothing of it is lost, as of most commits
+        return commit.recorded_ns
     times = [
         each.happened_ns if isinstance(each, EventBatch) else [each.happened_ns] for each in events
     ]

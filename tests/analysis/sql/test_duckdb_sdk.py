@@ -19,9 +19,9 @@ INSTALL = re.escape("duckdb is not installed; install it with: pip install 'semm
 def without_duckdb(monkeypatch: pytest.MonkeyPatch) -> None:
     """As if DuckDB had never been installed."""
     monkeypatch.setitem(sys.modules, "duckdb", None)
+    monkeypatch.delattr("semmap_log.analysis.sql", raising=False)
     for name in [name for name in sys.modules if name.startswith("semmap_log.analysis.sql")]:
         monkeypatch.delitem(sys.modules, name)
-        monkeypatch.delattr(name, raising=False)
 
 
 @pytest.mark.usefixtures("without_duckdb")
