@@ -46,11 +46,11 @@ nitpick_ignore_regex = [
     (r"py:.*", r"semmap_log\.\w+\..*"),
     (
         r"py:class",
-        r"(Clock|DoorId|Duration|Durability|Entropy|FollowsWriter|LogSummary|Measured|Progress|RigidTransform|Window|first_event)",
+        r"(About|Clock|DoorId|Duration|Durability|Entropy|FollowsWriter|LogSummary|Measured|Progress|RigidTransform|Window|first_event|current_map.Events)",
     ),
     # The same, where a program loads them only when it needs them.
-    (r"py:class", r"(CommitFinder|Diff|EarlyEvents|FollowedCommit|HistoryEntry|LikelyHours)"),
-    (r"py:class", r"(LiveState|LogPart|NoteFinder|Scope|SensorDoubt|State|Timeline|WeekMask)"),
+    (r"py:class", r"(CommitFinder|Diff|EarlyEvents|EventChoice|FollowedCommit|HistoryEntry|LikelyHours)"),
+    (r"py:class", r"(LiveState|LogPart|NoteFinder|RoundWish|Scope|SensorDoubt|State|Timeline|WeekMask|WritingOptions)"),
 ]
 
 default_role = "literal"

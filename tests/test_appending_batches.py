@@ -265,6 +265,15 @@ def test_what_a_log_gives_can_be_appended_to_another(log: sl.DoorLogWriter, tmp_
     assert copied == [repr(row.event) for batch in log.batches() for row in batch]
 
 
+def test_truth_values_stay_what_they_are(log: sl.DoorLogWriter) -> None:
+    door_id = log.add_door()
+
+    log.append(EventBatch.of(DoorPassed, door_id=[door_id] * 3, passed=[True, False, True]))
+
+    passed = [each.event.passed for each in log.history(kinds=[DoorPassed])]
+    assert [True, False, True] == passed
+
+
 def test_no_rows_are_no_commit(log: sl.DoorLogWriter) -> None:
     """As no events are none."""
     with pytest.raises(SemmapError, match="at least one event"):

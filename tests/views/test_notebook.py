@@ -184,6 +184,12 @@ def test_without_matplotlib_a_plot_says_what_to_install(
             plot()
 
 
+def test_a_log_names_its_events(log: sl.DoorLogWriter) -> None:
+    count = log.last_event() + 1
+
+    assert f": {count} events, " in repr(log)
+
+
 def test_what_draws_is_loaded_when_somebody_looks(log: sl.DoorLogWriter) -> None:
     """A log that is asked needs no view; the line of a repr neither."""
     log.close()

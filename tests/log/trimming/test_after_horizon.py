@@ -91,6 +91,22 @@ def _write(log: sl.DoorLogWriter, clock: MinuteClock) -> None:
         log.append([PatrolFinished(patrol=i)])
 
 
+def test_the_first_event_is_before_the_horizon_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 3)
+    clock = MinuteClock()
+    with sl.create(tmp_path / "log", tz="UTC", clock=clock, compact=False) as log:
+        for i in range(12):
+            clock.now_ns += 60 * SECOND_NS
+            log.append([RobotPose(x=float(i), y=1.0, theta=0.0)])
+    middle = LogReader(tmp_path / "log").segments[2].recorded[0]
+    trim_log(tmp_path / "log", Retention(LogReader(tmp_path / "log"), middle))
+
+    with pytest.raises(HorizonError):
+        sl.read(tmp_path / "log").entry(0)
+
+
 def page_of(path: Path) -> Any:
     """Return what a page shows, but for what is learnt of all sightings, and of the files."""
     found = re.search(r'type="application/json"[^>]*>(.*?)</script>', path.read_text(), re.DOTALL)

@@ -383,6 +383,15 @@ def test_the_verb(
     assert marks(tmp_path / "copy")
 
 
+def test_progress_reaches_the_end(log: Path, tmp_path: Path) -> None:
+    """Each byte counts twice: written, and verified."""
+    seen: list[tuple[int, int]] = []
+    copy(log, tmp_path / "new", progress=lambda done, total: seen.append((done, total)))
+
+    assert seen == sorted(seen)
+    assert seen[-1][0] == seen[-1][1] > 0
+
+
 def run(*arguments: str) -> int:
     try:
         main(list(arguments))

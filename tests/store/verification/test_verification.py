@@ -7,6 +7,7 @@ import shutil
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -15,7 +16,7 @@ from mcap.opcode import Opcode
 import semmap_log as sl
 from semmap_log.log.replay.maintenance import verify
 from semmap_log.store import records as mcap
-from semmap_log.store.byte_layout import KEYFRAME_CHANNEL
+from semmap_log.store.byte_layout import KEYFRAME_CHANNEL, NOTE_CHANNEL
 from semmap_log.store.chunks import build_chunk
 from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder
@@ -355,6 +356,10 @@ def rewritten(file: Path, change: str) -> None:
             records = bytearray(read_chunk(old, other))
         if change == "left out" and number == 2:
             continue
+        for place in np.flatnonzero(page.heads["channel_id"] == NOTE_CHANNEL):
+            if change == "note":
+                at = page.offsets[place] + mcap.FRAME.size + 2
+                records[at : at + 4] = int(page.heads["sequence"][place] + 1).to_bytes(4, "little")
         page = Page(bytes(records), old.header.first_event, file)
         writer.add(build_chunk(bytes(records), page.offsets), levels=page.levels)
     writer.close()
@@ -377,6 +382,14 @@ def test_a_forger_who_mends_the_checksums_is_found(change: str, kinds: set[str],
     found = verify(log)
 
     assert kinds == {f.kind for f in found.of(Severity.DAMAGE)}
+
+
+def test_a_note_belongs_to_the_last_event_of_its_commit(log: Path) -> None:
+    """A note with another sequence is named as such."""
+    rewritten(segment(log, 1), "note")
+
+    texts = [finding.text for finding in verify(log).findings]
+    assert any("a note that is not of its last event" in text for text in texts)
 
 
 def test_what_is_no_log(tmp_path: Path) -> None:
