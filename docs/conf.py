@@ -49,8 +49,9 @@ nitpick_ignore_regex = [
         r"(About|Clock|DoorId|Duration|Durability|Entropy|FollowsWriter|LogSummary|Measured|Progress|RigidTransform|Window|first_event|current_map.Events)",
     ),
     # The same, where a program loads them only when it needs them.
-    (r"py:class", r"(CommitFinder|Diff|EarlyEvents|EventChoice|FollowedCommit|HistoryEntry|LikelyHours)"),
-    (r"py:class", r"(LiveState|LogPart|NoteFinder|RoundWish|Scope|SensorDoubt|State|Timeline|WeekMask|WritingOptions)"),
+    (r"py:class", r"(CommitFinder|Diff|EarlyEvents|EventChoice|FollowedCommit)"),
+    (r"py:class", r"(HistoryEntry|LikelyHours|RoundWish|WritingOptions)"),
+    (r"py:class", r"(LiveState|LogPart|NoteFinder|Scope|SensorDoubt|State|Timeline|WeekMask)"),
 ]
 
 default_role = "literal"
