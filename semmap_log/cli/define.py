@@ -47,9 +47,9 @@ def run(
 
     \b
     Examples:
-      semmap-log define office dock --geometry point --states free,taken --blocks ""
+      semmap-log define hub dock --geometry point --states free,taken --blocks ""
       semmap-log define office shutter --geometry segment
-      semmap-log define office spill --geometry polygon --states dry,wet --blocks wet
+      semmap-log define hub spill --geometry polygon --states dry,wet --blocks wet
       semmap-log add office --class spill --name foyer --outline "2,1 4,1 4,3 2,3"
     """
     from semmap_log.cli.door_options import tell

@@ -127,7 +127,7 @@ def run(
       semmap-log fleet openings 's3://hospital/logs/tug*' --out openings.parquet
       semmap-log fleet verify logs/tug1 logs/tug2 --json
       semmap-log fleet export @logs.txt --out lake
-      semmap-log fleet fold logs --fold mine:Openings --scheduler tcp://10.0.0.5:8786
+      semmap-log fleet fold logs --fold mine:Openings --scheduler tcp://dask:8786
     """
     from semmap_log.fleet.jobs.fleet_run import fleet
 

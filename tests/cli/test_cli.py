@@ -22,9 +22,6 @@ from tests.live.ros.running import DEADLINE_S
 from tests.verbs import Refuses, Verb, run
 from tests.views.rerun.some_logs import small_log
 
-WIDE = {"define", "fleet"}
-"""Their examples are wider than a terminal of 80 columns."""
-
 
 @pytest.fixture(scope="session")
 def office(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -77,7 +74,7 @@ def test_every_verb_has_help_with_an_example(
     helped = run_here(verb, "--help")
 
     assert 0 == helped.code
-    assert max(map(len, helped.out.splitlines())) <= 80 or verb in WIDE
+    assert max(map(len, helped.out.splitlines())) <= 80
     assert f"semmap-log {verb}" in helped.out.partition("Example")[2]
 
 
