@@ -48,7 +48,7 @@ def run(
     \b
     Examples:
       semmap-log define hub dock --geometry point --states free,taken --blocks ""
-      semmap-log define office shutter --geometry segment
+      semmap-log define hub shutter --geometry segment
       semmap-log define hub spill --geometry polygon --states dry,wet --blocks wet
       semmap-log add office --class spill --name foyer --outline "2,1 4,1 4,3 2,3"
     """
