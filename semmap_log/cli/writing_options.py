@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 @contextmanager
 def report_at_end(
-    beside: AbstractContextManager[object], say: Callable[[], None]
+    background: AbstractContextManager[object], say: Callable[[], None]
 ) -> Iterator[None]:
     """Run something in the background; report its status at the end, whatever the exit code."""
     left: typer.Exit | None = None
-    with beside:
+    with background:
         try:
             yield
         except typer.Exit as asked:  # no failure: the log is closed, and says its exit code
@@ -130,11 +130,11 @@ def with_signing(log: Path, signer: BackgroundSigner | None) -> AbstractContextM
     return report_at_end(signer, lambda: _say_how_far(log, signer))
 
 
-def _say_how_far(log: Path, beside: BackgroundSigner) -> None:
-    if not beside.is_all_signed:
+def _say_how_far(log: Path, signer: BackgroundSigner) -> None:
+    if not signer.is_all_signed:
         tell(f"not all is signed. To sign it: {command_line('sign', log, '--key', 'KEY')}")
-    elif beside.signed_before:
-        say(f"{log}: signed up to event {beside.signed_before - 1}.")
+    elif signer.signed_before:
+        say(f"{log}: signed up to event {signer.signed_before - 1}.")
 
 
 def _checked(text: str | None) -> str | None:
@@ -172,18 +172,18 @@ def with_shipping(log: Path, url: str | None) -> AbstractContextManager[None]:
         return nullcontext()
     from semmap_log.fleet.background_shipper import BackgroundShipper
 
-    beside = BackgroundShipper(log, a_url(url), tell=tell)
-    return report_at_end(beside, lambda: _say_how_far_shipped(log, beside))
+    shipper = BackgroundShipper(log, a_url(url), tell=tell)
+    return report_at_end(shipper, lambda: _say_how_far_shipped(log, shipper))
 
 
-def _say_how_far_shipped(log: Path, beside: BackgroundShipper) -> None:
-    status = beside.status
+def _say_how_far_shipped(log: Path, shipper: BackgroundShipper) -> None:
+    status = shipper.status
     if status.is_all_sent and status.shipped is not None:
         done = status.shipped
         say(f"{done.url}: shipped up to event {done.manifest.mark.next_event - 1}.")
     else:
         why = "" if status.problem else ": the end does not wait for it any longer"  # as reported
-        tell(f"not all is shipped{why}. To send it: {command_line('ship', log, beside.url)}")
+        tell(f"not all is shipped{why}. To send it: {command_line('ship', log, shipper.url)}")
 
 
 class SyncChoice(str, Enum):

@@ -197,9 +197,6 @@ def pose_tables(log: DoorLog, window: Window) -> Tables:
         yield pa.table(arrays)
 
 
-POSE_BITS = kinds_mask([RobotPose])
-
-
 def _change_rows(entry: HistoryEntry, names: dict[DoorId, str]) -> Iterator[tuple[Any, ...]]:
     assert entry.door_id is not None or not entry.changes, "only doors change"
     for change in entry.changes:

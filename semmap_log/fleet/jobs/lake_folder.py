@@ -21,10 +21,6 @@ from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.errors import CorruptLogError
 
 _MOST_FOOTER_BYTES = 2**26
-MONTH = pa.field("month", pa.string())
-"""What the folders say."""
-
-
 EVENT_COLUMNS = (*COLUMNS, *SAID, RETRACTED)
 """Of the events in a lake; existing lakes keep their columns."""
 
