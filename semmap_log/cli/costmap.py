@@ -33,7 +33,7 @@ class Layer(str, Enum):
     door = "door"
 
 
-class By(str, Enum):
+class CostSource(str, Enum):
     """`semmap_log.analysis.costmaps.door_layer_fold.By`, as typer wants its choices."""
 
     state = "state"
@@ -64,8 +64,8 @@ def run(
         bool, typer.Option("--keepout", help="A mask of closed doors for Nav2's keepout filter.")
     ] = False,
     by: Annotated[
-        By, typer.Option("--by", help="What doors cost: by their state, or by P(open).")
-    ] = By.state,
+        CostSource, typer.Option("--by", help="What doors cost: by their state, or by P(open).")
+    ] = CostSource.state,
     inflate: Annotated[
         float,
         typer.Option("--inflate", metavar="M", help="Reach of costs around obstacles, metres."),

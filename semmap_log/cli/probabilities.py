@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 PLOTS = (".png", ".svg")
 
 
-class By(str, Enum):
+class Grouping(str, Enum):
     """`semmap_log.interop.formats.json.beliefs_json.By`, as typer wants its choices."""
 
     hour = "hour"
@@ -61,7 +61,9 @@ def run(
     estimator: Estimator = None,
     object_class: common.OfClass = None,
     tz: Zone = None,
-    by: Annotated[By | None, typer.Option("--by", help="Typical hours, days, or the week.")] = None,
+    by: Annotated[
+        Grouping | None, typer.Option("--by", help="Typical hours, days, or the week.")
+    ] = None,
     when: Annotated[
         str | None,
         typer.Option("--when", metavar='"Tue 10:00"', help="A typical hour of the week."),
@@ -219,7 +221,7 @@ def _check_useful(
 def _show_typical(
     log: Path,
     asked: dict[str, Any],
-    by: By | None,
+    by: Grouping | None,
     plot: Path | None,
     when: str | None,
     *,
@@ -243,7 +245,7 @@ def _show_typical(
         weeks = typical_weeks(opened, **asked, progress=told)
     if not weeks:
         _check_recorded(opened, asked)
-    which = by or By.week
+    which = by or Grouping.week
     if plot is not None:
         _plot(weeks, plot, which)
         if by is None and not as_json:
@@ -258,7 +260,7 @@ def _show_typical(
     _print_weeks(weeks, which, hour)
 
 
-def _plot(weeks: Sequence[TypicalWeek], plot: Path, by: By) -> None:
+def _plot(weeks: Sequence[TypicalWeek], plot: Path, by: Grouping) -> None:
     from semmap_log.views.plots.typical_weeks import MOST_PANELS, drawn_of, plot_weeks
 
     if not weeks:
@@ -269,7 +271,7 @@ def _plot(weeks: Sequence[TypicalWeek], plot: Path, by: By) -> None:
     common.say(f"{plot}: {drawn_of(len(weeks))}{others}.")
 
 
-def _print_weeks(weeks: Sequence[TypicalWeek], by: By, hour: tuple[int, int] | None) -> None:
+def _print_weeks(weeks: Sequence[TypicalWeek], by: Grouping, hour: tuple[int, int] | None) -> None:
     from semmap_log.views.week_map import hour_rows, hour_table, week_maps, weekday_rows
 
     if not weeks:
@@ -278,7 +280,7 @@ def _print_weeks(weeks: Sequence[TypicalWeek], by: By, hour: tuple[int, int] | N
     if hour is not None:
         common.console().print(hour_table(weeks, *hour))
         return
-    show = {By.hour: hour_rows, By.weekday: weekday_rows, By.week: week_maps}
+    show = {Grouping.hour: hour_rows, Grouping.weekday: weekday_rows, Grouping.week: week_maps}
     common.console().print(show[by](weeks))
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from semmap_log.cli.common import AsJson, WritableLog
-from semmap_log.cli.retain import By, DryRun, Reason, TrimKey, trim
+from semmap_log.cli.retain import DryRun, Officer, Reason, TrimKey, trim
 
 if TYPE_CHECKING:
     from semmap_log.log.door_log.door_log import DoorLog
@@ -38,7 +38,7 @@ def run(
         str | None,
         typer.Option("--until", metavar="TIME", help="Only what had been recorded by then."),
     ] = None,
-    by: By = "",
+    by: Officer = "",
     reason: Reason = "",
     sign_key: TrimKey = None,
     dry_run: DryRun = False,

@@ -36,7 +36,7 @@ DryRun = Annotated[
     bool, typer.Option("--dry-run", help="Only say what would be taken out; nothing is written.")
 ]
 
-By = Annotated[
+Officer = Annotated[
     str, typer.Option("--by", metavar="NAME", help="Who takes it out: for the log's history.")
 ]
 Reason = Annotated[str, typer.Option("--reason", metavar="WHY", help="Why: for the log's history.")]
@@ -166,7 +166,7 @@ def run(
         str | None,
         typer.Option("--thin", metavar="AGE", help="Of what is older, take out what repeats."),
     ] = None,
-    by: By = "",
+    by: Officer = "",
     reason: Reason = "",
     sign_key: TrimKey = None,
     dry_run: DryRun = False,

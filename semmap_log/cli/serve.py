@@ -30,7 +30,7 @@ from semmap_log.cli.common import (
     say,
     stopped_for_good,
 )
-from semmap_log.cli.costmap import By
+from semmap_log.cli.costmap import CostSource
 from semmap_log.cli.init import make_log
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 from semmap_log.core.texts import counted
@@ -98,8 +98,9 @@ def run(
         bool, typer.Option("--costmap", help="Publish grids for move_base and Nav2.")
     ] = False,
     by: Annotated[
-        By, typer.Option("--by", help="What doors cost there: by their state, or by P(open).")
-    ] = By.state,
+        CostSource,
+        typer.Option("--by", help="What doors cost there: by their state, or by P(open)."),
+    ] = CostSource.state,
     door_inflate: Annotated[
         float,
         typer.Option(
@@ -256,7 +257,7 @@ def run(
             raise typer.BadParameter("only with --ros1 or --ros2", param_hint=name)
     of_costmap = {
         "--map": floor_map is not None,
-        "--by": by != By.state,
+        "--by": by != CostSource.state,
         "--door-inflate": door_inflate != 0,
         "--scaling": scaling is not None,
     }
