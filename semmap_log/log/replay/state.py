@@ -80,9 +80,17 @@ def pins(reader: LogReader) -> dict[str, ev.MomentPinned]:
     found: dict[str, ev.MomentPinned] = {}
     for batch in reader.batches(Window(kinds=kinds_mask([ev.MomentPinned]))):
         for recorded in hidden.visible(batch):
-            assert isinstance(recorded.event, ev.MomentPinned), "no other kind was asked for"
-            found[recorded.event.name] = recorded.event
+            pin = recorded.event
+            assert isinstance(pin, ev.MomentPinned), "no other kind was requested"
+            known = found.get(pin.name)
+            if pin.keyframe or known is None or known.at_ns != pin.at_ns:
+                found[pin.name] = pin
     return found
+
+
+def kept_pin(reader: LogReader, at_ns: int) -> ev.MomentPinned | None:
+    """Return a pin of a moment that has its state; None: there is none."""
+    return next((p for p in pins(reader).values() if p.at_ns == at_ns and p.keyframe), None)
 
 
 def pinned_state(
@@ -97,7 +105,7 @@ def pinned_state(
         at_ns: The moment.
         before_event: Only events below that number; None: all.
     """
-    pin = next((p for p in pins(reader).values() if p.at_ns == at_ns and p.keyframe), None)
+    pin = kept_pin(reader, at_ns)
     state = None if pin is None else unpacked(pin.keyframe)
     if pin is None or state is None:
         return None
