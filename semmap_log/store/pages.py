@@ -468,8 +468,3 @@ def kinds_mask(kinds: Iterable[type[Event]]) -> int:
 
 
 EXPIRING_BITS = kinds_mask(EXPIRING)
-
-
-def kinds_of_bits(bits: int) -> list[int]:
-    """Return the known kinds of events among bits."""
-    return [kind.kind for kind in KINDS if bits >> kind.kind & 1]
