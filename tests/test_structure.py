@@ -28,7 +28,7 @@ INSIDE: dict[str, list[set[str]]] = {
              {"model"}, {"events"},
              {"messages"}, {"arrow"}, {"batches"}, {"folds"}],
     "store": [{"reading"}, {"compaction"}, {"trimming"}, {"writing"}, {"repairing"}, {"copying"}],
-    "log": [{"replay"}, {"door_log"}, {"trimming"}, {"rewriting"}, {"signing"}],
+    "log": [{"replay"}, {"door_log"}, {"trimming"}, {"signing"}],
     "analysis": [{"costmap_2d", "probabilities"}, {"costmaps", "beliefs", "scans", "rooms"},
                  {"sql", "planning"}],
     "views": [{"bounds"}, {"excerpt"}, {"plots", "report", "rerun"}, {"notebook"}],

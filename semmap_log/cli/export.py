@@ -13,9 +13,10 @@ import typer
 from semmap_log.cli import common
 
 if TYPE_CHECKING:
+    from semmap_log.core.model.local_clock import Time
     from semmap_log.interop.exporting.log_files import RecordedBag
     from semmap_log.interop.exporting.stream import StreamOptions
-    from semmap_log.log.door_log.door_log import DoorLog, Time
+    from semmap_log.log.door_log.door_log import DoorLog
     from semmap_log.log.replay.replay import Scope
 
 MOST_NAMED = 3

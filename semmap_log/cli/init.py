@@ -130,9 +130,8 @@ def _since_ns(text: str, tz: str | None) -> int:
         MomentError: It is none, or is to come.
     """
     from semmap_log.core.io.clock import SystemClock, believable_ns
-    from semmap_log.core.model.moments import parse_instant
+    from semmap_log.core.model.moments import machine_zone, parse_instant
     from semmap_log.errors import MomentError
-    from semmap_log.log.door_log.opening import machine_zone
 
     since_ns = parse_instant(text, tz=machine_zone() if tz is None else tz)
     if since_ns > believable_ns(SystemClock()):

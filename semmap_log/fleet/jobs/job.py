@@ -16,11 +16,11 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from semmap_log import errors
 from semmap_log.core.arrow.arrow_sdk import pa
+from semmap_log.core.folds.plain_state import dump_plain, load_plain
 from semmap_log.core.folds.projection import Dumping, Mergeable, Projection, name_of, version_of
 from semmap_log.core.io.disk import utf8_text
 from semmap_log.core.io.url_path import place_of
 from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.replay.plain_state import dump_plain, load_plain
 from semmap_log.store.reading.reader import LogReader
 
 

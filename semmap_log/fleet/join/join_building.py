@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from semmap_log.core.batches.robot_names import AFTER_ROBOT, BETWEEN_ROBOTS
 from semmap_log.core.folds.registers import COMES, STATE_ROW, state_rows
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Commit, Note
@@ -29,10 +30,9 @@ from semmap_log.errors import LogError
 from semmap_log.fleet.join.door_plan import BuildingDoor, DoorPlan, LogDoor
 from semmap_log.fleet.join.event_translation import EventTranslation
 from semmap_log.fleet.join.joined_logs import DoorRow, JoinedLog, JoinedLogs
-from semmap_log.log.door_log.robot_names import AFTER_ROBOT, BETWEEN_ROBOTS
 from semmap_log.log.replay.replay import kept_commits
 from semmap_log.log.replay.state import retractions_after
-from semmap_log.log.rewriting.rewritten_log import RewrittenLog
+from semmap_log.log.rewritten_log import RewrittenLog
 from semmap_log.store.header import LogInfo
 from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.following import FollowedCommit

@@ -15,12 +15,12 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import Any
 
+from semmap_log.core.batches.robot_names import AFTER_ROBOT, BETWEEN_ROBOTS
 from semmap_log.core.io.disk import replace_file
 from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.core.model.rigid_transform import RigidTransform
 from semmap_log.core.texts import command_line
 from semmap_log.errors import FormatError, LogError, NotALogError, OutputError
-from semmap_log.log.door_log.robot_names import AFTER_ROBOT, BETWEEN_ROBOTS
 from semmap_log.store.reading.reader import LogReader
 
 MAX_NS = 2**63 - 1

@@ -10,6 +10,8 @@ from typing import Protocol
 import numpy as np
 
 from semmap_log.core.batches.event_batch import in_ranges
+from semmap_log.core.folds.door_index import DoorIndex
+from semmap_log.core.folds.new_numbers import begins_ns
 from semmap_log.core.model import events as ev
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import suspect_cells, suspect_units
@@ -29,10 +31,8 @@ from semmap_log.interop.importing.line_commits import (
     grouped,
     taken,
 )
-from semmap_log.log.door_log.door_index import DoorIndex
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.known_past import Validator
-from semmap_log.log.rewriting.new_numbers import begins_ns
 from semmap_log.store.gone_commands import CommandSeal, StoredCommand
 
 MOST_KEPT = 100_000

@@ -11,6 +11,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from semmap_log.core.folds import rebasing
+from semmap_log.core.folds.door_index import resolve_door
 from semmap_log.core.folds.levels import resolve_level
 from semmap_log.core.model.doors import Door, DoorId, DoorMap
 from semmap_log.core.model.events import FloorMap
@@ -20,9 +22,7 @@ from semmap_log.interop.formats.files.building import DoorStart, read_building, 
 from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor
 from semmap_log.interop.formats.files.map_server import is_yaml, kind_of_yaml
 from semmap_log.interop.formats.files.thesis_yaml import read_thesis_yaml
-from semmap_log.log.door_log import rebasing
 from semmap_log.log.door_log.door_commands import rebase_plan
-from semmap_log.log.door_log.door_index import resolve_door
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.replay.replay import Scope
 

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.folds.rebasing import MapStates, MeasuredDoor, RebasePlan, plan_rebase
 from semmap_log.core.model import events as ev
-from semmap_log.core.model.commits import NO_CONTENT
+from semmap_log.core.model.commits import content_of
 from semmap_log.core.model.doors import CLASS, DOOR, OUTLINE, Corners, DoorId, DoorState
 from semmap_log.core.model.meaning import PART_OF, Changed, changed
 from semmap_log.core.model.rigid_transform import RigidTransform
@@ -25,18 +26,8 @@ from semmap_log.errors import CommandError
 from semmap_log.log.door_log import current_map
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.last_patrol import last_patrol
-from semmap_log.log.door_log.rebasing import MapStates, MeasuredDoor, RebasePlan, plan_rebase
 from semmap_log.log.replay.replay import Scope, replay
 from semmap_log.store.reading.reader import LogReader
-
-
-def content_of(*words: object) -> bytes:
-    """Return the digest of what a command asks for, 16 bytes.
-
-    Args:
-        *words: Values whose `repr` says all about them.
-    """
-    return hashlib.sha256(repr(words).encode()).digest()[: len(NO_CONTENT)]
 
 
 @dataclass(frozen=True, slots=True)

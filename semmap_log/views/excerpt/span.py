@@ -25,7 +25,8 @@ from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.window import Window
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log import DoorLog, Time
+    from semmap_log.core.model.local_clock import Time
+    from semmap_log.log.door_log.door_log import DoorLog
 
 
 MOST_PLANS = 20

@@ -1,4 +1,8 @@
-"""Writes a log's commits as a new one."""
+"""Writes the commits of a log, or of several, as a new one.
+
+The ordinary writer makes it, at the times of their recording. The caller decides what becomes of
+an event: `fleet.join`, `pseudonyms`.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.new_numbers import NextPlace, begins_ns
 from semmap_log.core.io.clock import KeptClock
 from semmap_log.core.model.commits import Commit, Durability, Note
 from semmap_log.log.replay.written_state import WrittenState
-from semmap_log.log.rewriting.new_numbers import NextPlace, begins_ns
 from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store.header import LogInfo
 from semmap_log.store.reading.reader import LogReader

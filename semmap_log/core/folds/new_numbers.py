@@ -1,7 +1,6 @@
 """The numbers that the events of a log have in another log that is rewritten from it.
 
-Also the new log with the commits of others: made by the ordinary writer, at the times of their
-recording.
+Also when its commits are recorded there.
 """
 
 from __future__ import annotations

@@ -9,16 +9,15 @@ from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.model.events import RobotPose
-from semmap_log.store.header import LogInfo
 
 BETWEEN_ROBOTS = ", "
 AFTER_ROBOT = "/"
 """Between a robot and what its own log says of a source: `tug1/camera`."""
 
 
-def robots_of(info: LogInfo) -> tuple[str, ...]:
-    """Return the robots whose logs were joined in a log; of another, its own alone."""
-    return tuple(info.robot.split(BETWEEN_ROBOTS))
+def robots_of(robot: str) -> tuple[str, ...]:
+    """Return the robots that the `robot` of a log names: several where logs were joined."""
+    return tuple(robot.split(BETWEEN_ROBOTS))
 
 
 def robots_of_poses(batch: EventBatch, robots: Sequence[str]) -> NDArray[np.intp]:
