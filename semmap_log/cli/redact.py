@@ -67,7 +67,6 @@ def run(
     from semmap_log.core.model.commits import Note
     from semmap_log.log.door_log.read_log import read
     from semmap_log.log.trimming.redaction import Redaction
-    from semmap_log.store.reading.reader import LogReader
 
     if (door is None) == bool(key):
         raise typer.BadParameter("expected both, got one", param_hint="--door and --key")
@@ -75,7 +74,7 @@ def run(
         parts = [*_notes(actor, all_of_them=notes), *_others(opened, door, key, tracks=tracks)]
         limit = opened.limit_of(opened.scope(known_at=until))
         before = (opened.last_event() if limit is None else limit) + 1
-        rule = Redaction.of(LogReader(log), parts, before)
+        rule = Redaction.of(log, parts, before)
     if not parts:
         expected = "expected --notes, --actor, --tracks, or --door and --key"
         raise typer.BadParameter(expected, param_hint="what to take out")

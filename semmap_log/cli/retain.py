@@ -57,11 +57,11 @@ def trim(
     """
     from semmap_log.interop.copies.copies_of_log import plan_copies, take_out_of_copies
     from semmap_log.interop.copies.going import Going
+    from semmap_log.log.door_log.read_log import read
     from semmap_log.log.trimming.trim_log import plan_trimming, trim_log
-    from semmap_log.store.reading.reader import LogReader
 
     key = None if sign_key is None or dry_run else _checked_key(log, sign_key)
-    going = Going.of(rule, LogReader(log))
+    going = Going.of(rule, read(log))
     with progress("Reading" if dry_run else "Taking out") as told:
         if dry_run:
             found = plan_trimming(log, rule, told)
@@ -202,13 +202,12 @@ def run(
     from semmap_log.log.door_log.read_log import read
     from semmap_log.log.trimming.repeated_sightings import Thinning
     from semmap_log.log.trimming.trim_log import Retention
-    from semmap_log.store.reading.reader import LogReader
 
     if (keep is None) == (thin is None):
         raise typer.BadParameter("expected --keep or --thin", param_hint="what to keep")
     with read(log) as opened:
         until_ns = _until_ns(opened, keep or thin or "")
-    rule = (Thinning if keep is None else Retention)(LogReader(log), until_ns)
+    rule = (Thinning if keep is None else Retention)(log, until_ns)
     note = Note(actor=by, reason=reason)
     trim(log, rule, note, sign_key, dry_run=dry_run, as_json=as_json)
 

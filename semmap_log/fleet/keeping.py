@@ -85,6 +85,12 @@ def remove_shipped(
         lock.release()
 
 
+def shipped_to(log: Path) -> UrlPath | None:
+    """Return where the segments are that were removed from a log's folder; None: none were."""
+    part = removed_part.read_removed_part(LogFolder(log))
+    return None if part is None else part.url
+
+
 def _old(
     folder: LogFolder, store: ObjectStore, before_ns: int
 ) -> list[tuple[Segment, ShippedSegment]]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import threading
 import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator
+from itertools import dropwhile
 from pathlib import Path, PurePath
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -302,9 +303,12 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             kinds=EVENT_BITS if kinds is None else kinds_mask(events.kinds_meant(kinds)),
         )
 
-    def commits(self) -> Iterator[Commit]:
-        """Yield all commits, in order, with their notes."""
-        return self._reader.commits()
+    def commits(self, first_event: int = 0) -> Iterator[Commit]:
+        """Yield the commits that have an event from that number on, in order, with their notes."""
+        if not first_event:
+            return self._reader.commits()
+        found = self._reader.commits(self._reader.segment_of(first_event) or 0)
+        return dropwhile(lambda commit: commit.last_event < first_event, found)
 
     def follow(
         self,

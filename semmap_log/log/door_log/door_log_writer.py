@@ -305,9 +305,9 @@ class DoorLogWriter(DoorLog):
         without a place, and those of other levels, stay as they are.
 
         Args:
-            floor: The new map; `formats.files.map_server.read_map` reads a map_server's.
+            floor: The new map; `interop.formats.files.map_server.read_map` reads a map_server's.
             by: From the old map's frame to the new one's: (dx, dy, theta), metres and radians;
-                `door_log.map_fit.fit_maps` finds it from points that were measured in both.
+                `core.folds.rebasing.fit_maps` finds it from points that were measured in both.
             doors: Doors that were measured in the new map, (x, y, theta) or (x, y, theta, width):
                 there the transform does not count.
             level: Its number or name; None: the only one there is.
