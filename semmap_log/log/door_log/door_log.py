@@ -444,6 +444,14 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         """Return the commit that holds an event, with its note; None: there is no such event."""
         return self._reader.find_commit(number)
 
+    def size(self) -> int:
+        """Return how many bytes its files have."""
+        return sum(segment.size for segment in self._reader.segments)
+
+    def is_live(self) -> bool:
+        """Return whether its last file is not closed yet: somebody is writing, or was cut off."""
+        return not self._reader.segments[-1].closed
+
     def happened_span(self) -> tuple[int, int] | None:
         """Return when its events happened, at the earliest and at the latest; None: it has none."""
         spans = [segment.span for segment in self._reader.segments if segment.span[1] >= 0]
