@@ -13,9 +13,7 @@ from semmap_log.core.folds.timeline import timeline
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.local_clock import Time
 from semmap_log.core.model.moments import Moment, format_local
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.replay.replay import Scope
-from semmap_log.store.reading.window import Window
+from semmap_log.log import DoorLog, Scope, Window
 
 AT_ALONE = 'with all that is known today, ask --at "{then}" alone'
 """What to do about it when a map is requested; `{then}` is the moment."""

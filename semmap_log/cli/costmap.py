@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from semmap_log.core.model.events import FloorMap
     from semmap_log.core.model.local_clock import Time
     from semmap_log.interop.exporting.costmap_files import Part, RecordedCostmap
-    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log import DoorLog
 
 
 MOST_NAMED = 3
@@ -137,7 +137,7 @@ def run(
     from semmap_log.interop.formats.bags.bag_reading import is_bag_name
     from semmap_log.interop.formats.files.map_server import read_map
     from semmap_log.interop.formats.json.plan_json import costmap_to_json
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     common.check_not_nan(
         inflate=inflate,

@@ -42,7 +42,7 @@ def run(
     from semmap_log.core.io.url_path import place_of
     from semmap_log.core.io.virtual_logs import has_virtual_suffix
     from semmap_log.interop.formats.json.door_json import day_to_json
-    from semmap_log.log.door_log.read_log import open_any, read
+    from semmap_log.log import open_any, read
 
     with progress("Reading") as told:
         summary = open_any(log).summary(progress=told)

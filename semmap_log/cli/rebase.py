@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from semmap_log.core.folds.rebasing import MapFit, RebasePlan
     from semmap_log.core.model.rigid_transform import RigidTransform
     from semmap_log.interop.importing.rebase_files import RebaseMoment
-    from semmap_log.log.door_log.door_log import DoorLog
-    from semmap_log.log.door_log.door_log_writer import About
+    from semmap_log.log import About, DoorLog
 
 
 @common.takes_about
@@ -96,9 +95,7 @@ def run(
     from semmap_log.core.folds.rebasing import MOST_RESIDUAL_M
     from semmap_log.interop.formats.files.map_server import read_map
     from semmap_log.interop.formats.json.evaluation_json import rebase_to_json
-    from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-    from semmap_log.log.door_log.opening import append
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import DoorLogWriter, append, read
 
     _check_together(by, pairs, most_residual)
     most_m = MOST_RESIDUAL_M if most_residual is None else most_residual
@@ -136,7 +133,7 @@ def _moment(log: DoorLog, level: str | None, about: About) -> RebaseMoment:
     from semmap_log.core.io.clock import SystemClock
     from semmap_log.core.model.local_clock import happened_ns_of
     from semmap_log.interop.importing.rebase_files import RebaseMoment
-    from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+    from semmap_log.log import DoorLogWriter
 
     now_ns, before, command_id = SystemClock().wall_ns(), None, about.get("command_id")
     if isinstance(log, DoorLogWriter):

@@ -12,9 +12,7 @@ from semmap_log.cli.writing_options import key_to_sign
 from semmap_log.core.texts import command_line, counted
 
 if TYPE_CHECKING:
-    from semmap_log.log.signing.ed25519_sdk import SigningKey
-    from semmap_log.log.signing.log_signing import Signed
-    from semmap_log.log.signing.statement import PublicKey
+    from semmap_log.log import PublicKey, Signed, SigningKey
 
 
 def run(
@@ -99,8 +97,7 @@ def run(
       openssl ts -verify -data X.head -in X.head.tsr -CAfile ca.pem
     """
     from semmap_log.core.io.url_path import is_http
-    from semmap_log.log.signing.log_signing import sign
-    from semmap_log.log.signing.signature_folder import stamp_newest
+    from semmap_log.log import sign, stamp_newest
 
     if (revoke is None) != (first is None):
         raise typer.BadParameter("give both: --revoke PUB --from NUMBER", param_hint="--revoke")
@@ -126,7 +123,7 @@ def run(
 
 def _revoke(log: Path, owner: SigningKey, path: Path, first: int, *, as_json: bool) -> None:
     """Revoke a key, and say from where on."""
-    from semmap_log.log.signing.log_signing import revoke
+    from semmap_log.log import revoke
 
     revoked = _only_key(path, "--revoke")
     made = revoke(log, owner, revoked, first=first)
@@ -138,7 +135,7 @@ def _revoke(log: Path, owner: SigningKey, path: Path, first: int, *, as_json: bo
 
 def _only_key(path: Path, option: str) -> PublicKey:
     """Return the key in a file, which has to be the only one."""
-    from semmap_log.log.signing.statement import read_public_keys
+    from semmap_log.log import read_public_keys
 
     found = list(read_public_keys([path]).values())
     if len(found) != 1:
@@ -148,8 +145,7 @@ def _only_key(path: Path, option: str) -> PublicKey:
 
 def _new_key(log: Path, path: Path) -> SigningKey:
     """Make a key pair, for a log that is there."""
-    from semmap_log.log.door_log.read_log import read
-    from semmap_log.log.signing.log_signing import make_key
+    from semmap_log.log import make_key, read
 
     made = make_key(path, log=log, comment=read(log).info.robot)
     say(f"{path}: a new private key; keep it from others. Whom to believe: {path}.pub")
@@ -181,6 +177,6 @@ def _to_json(done: Signed, key: SigningKey) -> dict[str, Any]:
 
 
 def _fingerprint(key: SigningKey) -> str:
-    from semmap_log.log.signing.statement import PublicKey
+    from semmap_log.log import PublicKey
 
     return PublicKey(key.public_bytes).fingerprint

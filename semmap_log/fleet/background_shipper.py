@@ -21,8 +21,7 @@ from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import NotALogError
 from semmap_log.fleet.shipping import Shipped, ship
-from semmap_log.store.closed_mark import listed_marks
-from semmap_log.store.folder import LogFolder, Version
+from semmap_log.log.transport import LogFolder, Version, listed_marks
 
 if TYPE_CHECKING:
     from typing_extensions import Self

@@ -29,7 +29,7 @@ from semmap_log.views.event_words import printable, words_of
 
 if TYPE_CHECKING:
     from semmap_log.core.folds.history import Diff, FieldChange, HistoryEntry
-    from semmap_log.log.door_log.summary import LogSummary
+    from semmap_log.log import LogSummary
 
 ABSENT = "-"
 """Marks what is unknown or was not given."""

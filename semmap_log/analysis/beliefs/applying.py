@@ -17,8 +17,7 @@ from semmap_log.core.model.local_clock import Time
 from semmap_log.core.model.meaning import Changed
 from semmap_log.core.model.moments import format_local
 from semmap_log.core.texts import counted
-from semmap_log.log.door_log.appender import Appended
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.log import Appended, DoorLogWriter
 
 DIGITS = 6
 """Digits of the probabilities: a smaller change does not count."""

@@ -27,8 +27,7 @@ from semmap_log.core.model.doors import Door, DoorId, DoorMap, ShownAsTable
 from semmap_log.core.model.local_clock import LocalClock, Time
 from semmap_log.core.model.moments import HOUR_NS, Moment
 from semmap_log.errors import MomentError, UnknownDoorError
-from semmap_log.log.door_log.clock_warnings import warn_of_clock
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog, warn_of_clock
 
 if TYPE_CHECKING:
     from semmap_log.analysis.probabilities.sensors.sensor_doubts import SensorDoubt

@@ -21,7 +21,7 @@ from semmap_log.core.model.events import DoorPassed, DoorRequested
 from semmap_log.core.model.local_clock import Time
 from semmap_log.core.model.moments import Moment
 from semmap_log.errors import UnknownDoorError
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog
 
 
 def explain(

@@ -39,10 +39,7 @@ from semmap_log.core.model.events import KINDS, RobotPose
 from semmap_log.core.model.local_clock import Time
 from semmap_log.core.model.meaning import FIELDS
 from semmap_log.core.model.moments import SECOND_NS, parse_duration
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.queries import LogPart
-from semmap_log.store.pages import kinds_mask
-from semmap_log.store.reading.window import Window
+from semmap_log.log import DoorLog, LogPart, Window, kinds_mask
 
 
 def log_views(log: DoorLog, making: RowMaking) -> dict[str, scanned_table.ScannedTable]:

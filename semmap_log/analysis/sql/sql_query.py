@@ -36,7 +36,7 @@ from semmap_log.core.arrow.table import Column
 from semmap_log.core.model.local_clock import Time
 from semmap_log.core.texts import counted
 from semmap_log.errors import CommandError, KnownLaterWarning, SemmapError, SqlError
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*", re.ASCII)
 TAKEN = {"main", "temp", "system", "memory", "pg_catalog", "information_schema"}

@@ -46,10 +46,7 @@ from semmap_log.fleet.jobs.job import (
     answers,
     joined_answer,
 )
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.replay.maintenance import verify
-from semmap_log.log.replay.replay import Scope
-from semmap_log.store.verification import Severity
+from semmap_log.log import DoorLog, Scope, Severity, verify
 
 PART_EVENTS = 1_000_000
 """Events of a log in memory at once: some 60 bytes each while they are sorted."""

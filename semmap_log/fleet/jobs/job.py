@@ -19,7 +19,7 @@ from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.core.folds.plain_state import dump_plain, load_plain
 from semmap_log.core.folds.projection import Dumping, Mergeable, Projection, name_of, version_of
 from semmap_log.core.io.disk import utf8_text
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog
 
 
 @dataclass(frozen=True, slots=True)

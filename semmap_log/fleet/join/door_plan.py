@@ -17,9 +17,7 @@ from semmap_log.core.model.doors import NAN, Door, DoorId, DoorState, ObjectClas
 from semmap_log.core.model.events import DoorAdded, DoorRemoved, FloorMap
 from semmap_log.errors import FormatError, SemmapError
 from semmap_log.fleet.join.joined_logs import DoorRow, JoinedLog, JoinedLogs, log_called
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.store.pages import kinds_mask
-from semmap_log.store.reading.window import Window
+from semmap_log.log import DoorLog, Window, kinds_mask
 
 Stamp = tuple[int, int, str, int]
 """The order in which events count: when it happened, but never after recording; when its commit

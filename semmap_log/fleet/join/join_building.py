@@ -29,11 +29,7 @@ from semmap_log.errors import LogError
 from semmap_log.fleet.join.door_plan import BuildingDoor, DoorPlan, LogDoor
 from semmap_log.fleet.join.event_translation import EventTranslation
 from semmap_log.fleet.join.joined_logs import DoorRow, JoinedLog, JoinedLogs
-from semmap_log.log.rewritten_log import RewrittenLog
-from semmap_log.store.header import LogInfo
-from semmap_log.store.pages import kinds_mask
-from semmap_log.store.reading.following import FollowedCommit
-from semmap_log.store.reading.window import Window
+from semmap_log.log import FollowedCommit, LogInfo, RewrittenLog, Window, kinds_mask
 
 ID_BYTES = 16
 TOLD_EVERY = 1000

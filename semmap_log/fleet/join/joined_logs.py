@@ -21,7 +21,7 @@ from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.core.model.rigid_transform import RigidTransform
 from semmap_log.core.texts import command_line
 from semmap_log.errors import FormatError, LogError, NotALogError, OutputError
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog
 
 MAX_NS = 2**63 - 1
 

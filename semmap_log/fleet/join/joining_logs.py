@@ -27,8 +27,8 @@ from semmap_log.errors import LogAccessError, LogError
 from semmap_log.fleet.join import joined_logs
 from semmap_log.fleet.join.door_plan import plan_doors
 from semmap_log.fleet.join.join_building import build_join
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.store.folder import LogFolder
+from semmap_log.log import DoorLog
+from semmap_log.log.transport import LogFolder
 
 VIEW_VERSION = 2
 """Version of the translation: another version's views are not used."""

@@ -34,7 +34,7 @@ from semmap_log.interop.formats.kept_scans.writing import (
     take_out_visits,
     visits_in_file,
 )
-from semmap_log.log.trimming.other_copies import copies_next_to, holds_log, lock_log, other_files
+from semmap_log.log import copies_next_to, holds_log, lock_log, other_files
 
 _TEMPORARY = "semmap-log-"
 """How the names of our folders for temporary files begin."""

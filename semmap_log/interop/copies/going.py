@@ -15,12 +15,17 @@ from semmap_log.analysis.scans.visit import Visit
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.model.events import DoorObserved, DoorPassed, LogExported
 from semmap_log.interop.formats.kept_scans.reading import has_kept_scans
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.trimming.redaction import Notes, Redaction, Tracks
-from semmap_log.log.trimming.repeated_sightings import Thinning
-from semmap_log.log.trimming.trim_log import Retention, TrimRule
-from semmap_log.store.pages import kinds_mask
-from semmap_log.store.reading.window import Window
+from semmap_log.log import (
+    DoorLog,
+    Notes,
+    Redaction,
+    Retention,
+    Thinning,
+    Tracks,
+    TrimRule,
+    Window,
+    kinds_mask,
+)
 
 EVER = MAX_TIME_NS
 """Before this moment is everything."""

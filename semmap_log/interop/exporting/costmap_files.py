@@ -34,8 +34,7 @@ from semmap_log.errors import FormatError
 from semmap_log.interop.formats.bags.bag_reading import bytes_of, new_bag
 from semmap_log.interop.formats.files.map_server_out import write_costs, write_map
 from semmap_log.interop.formats.ros.door_messages import GRIDS, UPDATES, GridFrame, write_grids
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.replay.replay import Scope
+from semmap_log.log import DoorLog, Scope
 from semmap_log.views.costmap_picture import DoorMark, costmap_png
 
 Part = Literal["master", "door", "keepout"]

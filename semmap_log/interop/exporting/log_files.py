@@ -39,9 +39,7 @@ from semmap_log.interop.formats.files.geojson import dump_geojson
 from semmap_log.interop.formats.files.thesis_yaml import dump_thesis_yaml
 from semmap_log.interop.formats.json.door_json import line_to_json
 from semmap_log.interop.formats.ros.door_messages import is_drawn
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.replay.replay import Scope
-from semmap_log.store.reading.window import Window
+from semmap_log.log import DoorLog, Scope, Window
 
 WRITABLE = (
     ".yaml (the thesis's door database), .geojson (doors), .csv (states), .jsonl or .parquet "

@@ -46,8 +46,7 @@ from semmap_log.interop.importing.present_log import (
 from semmap_log.interop.topics.lasers.scan_keeper import ScanKeeper
 from semmap_log.interop.topics.mapping_file import read_mapping
 from semmap_log.interop.topics.topic_rules import WELL_KNOWN, RosMapping
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.log import DoorLog, DoorLogWriter
 
 READABLE = (
     ".yaml (a building of Open-RMF, a map of map_server, the thesis's doors), .csv, .csv.gz, "

@@ -31,9 +31,7 @@ from semmap_log.interop.importing.line_commits import (
     grouped,
     taken,
 )
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.known_past import Validator
-from semmap_log.store.gone_commands import StoredCommand
+from semmap_log.log import DoorLog, StoredCommand, Validator
 
 MOST_KEPT = 100_000
 """Of more lines none is kept in memory: their file is read twice. For `weight_of`."""

@@ -38,8 +38,7 @@ from semmap_log.interop.formats.parsing.problems import Problems, shown
 from semmap_log.interop.formats.parsing.strict_json import MOST_LINE_BYTES
 from semmap_log.interop.importing.held_sightings import AT_ONCE, HeldSightings
 from semmap_log.interop.importing.import_plan import Present
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.store.gone_commands import StoredCommand
+from semmap_log.log import DoorLog, StoredCommand
 
 MOST_LEVEL_DIGITS = 5
 """Of a level's number."""

@@ -22,8 +22,7 @@ from semmap_log.interop.formats.files.building import DoorStart, read_building, 
 from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor
 from semmap_log.interop.formats.files.map_server import is_yaml, kind_of_yaml
 from semmap_log.interop.formats.files.thesis_yaml import read_thesis_yaml
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.replay.replay import Scope
+from semmap_log.log import DoorLog, Scope
 
 READABLE = ".yaml: a building of Open-RMF, or the thesis's door database"
 

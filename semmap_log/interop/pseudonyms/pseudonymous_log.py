@@ -13,11 +13,7 @@ from semmap_log.core.folds.rewriting import NewNumbers, renamed
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.events import Event
 from semmap_log.interop.pseudonyms.pseudonyms import Pseudonyms
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.replay.replay import Scope
-from semmap_log.log.rewritten_log import RewrittenLog
-from semmap_log.store.header import LogInfo
-from semmap_log.store.reading.following import FollowedCommit
+from semmap_log.log import DoorLog, FollowedCommit, LogInfo, RewrittenLog, Scope
 
 ID_BYTES = 16
 TOLD_EVERY = 1000

@@ -36,7 +36,7 @@ from semmap_log.core.texts import counted
 from semmap_log.errors import UnknownDoorError
 from semmap_log.live.planners.parsed_questions import DOOR, ParsedQuestion, QuestionKind
 from semmap_log.live.planners.question_lines import Answer, Atom
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog
 
 
 class LikelyAnswers:

@@ -27,9 +27,7 @@ from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.live.planners import door_view, parsed_questions
 from semmap_log.live.planners.question_lines import Answer, Value, as_word
 from semmap_log.live.ros.serving.door_server import when_ns
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.log.replay.replay import Scope
+from semmap_log.log import DoorLog, DoorLogWriter, Scope
 
 LIKELY_QUESTIONS = {"BEST_TIME", "NEXT_DOOR"}
 

@@ -24,8 +24,7 @@ from semmap_log.interop.formats.json import event_json_reader
 from semmap_log.interop.formats.json.door_json import means_same
 from semmap_log.interop.formats.parsing.foreign_file import FileOrder
 from semmap_log.interop.formats.parsing.strict_json import load_object
-from semmap_log.log.door_log.appender import Appended
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.log import Appended, DoorLogWriter
 
 READ_BYTES = 2**16
 MAX_LINE_BYTES = 2**23

@@ -26,10 +26,7 @@ from semmap_log.core.folds.rewriting import robots_of
 from semmap_log.core.io.disk import log_name
 from semmap_log.core.model.doors import DoorId, DoorMap, DoorState, ObjectClass
 from semmap_log.core.model.moments import format_local, zone
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.summary import LogSummary
-from semmap_log.log.replay.replay import Scope
-from semmap_log.store.reading.window import Window
+from semmap_log.log import DoorLog, LogSummary, Scope, Window
 from semmap_log.views.belief_words import why_unknown
 from semmap_log.views.costmap_picture import without_level
 from semmap_log.views.event_words import reported_state, words_of

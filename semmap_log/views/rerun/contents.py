@@ -20,7 +20,7 @@ from semmap_log.core.folds.rewriting import robots_of
 from semmap_log.core.model.doors import Door, DoorId, DoorMap
 from semmap_log.core.model.events import DoorAnnotated, RobotPose
 from semmap_log.core.model.meaning import FIELDS, Changed, Presence
-from semmap_log.log.replay.replay import Scope
+from semmap_log.log import Scope
 from semmap_log.views.bounds import Bounds, bounds_of_floor
 from semmap_log.views.costmap_picture import without_level
 from semmap_log.views.excerpt import door_rows

@@ -22,7 +22,7 @@ from semmap_log.core.model.doors import Door, DoorId, DoorMap
 from semmap_log.core.model.meaning import Changed
 from semmap_log.live.ros.ros_node import Goal, Outcome
 from semmap_log.live.ros.serving import saving
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.log import DoorLogWriter
 
 ACTIONS = ("AddDoor", "UpdateDoor", "RemoveDoor", "SaveDoorDB")
 
