@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.folds.rewriting import NextPlace, begins_ns
+from semmap_log.core.folds.renumbering import NextPlace, begins_ns
 from semmap_log.core.io.clock import KeptClock
 from semmap_log.core.model.commits import Commit, Durability, Note
 from semmap_log.log.door_log.door_log import DoorLog

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.folds.rewriting import NewNumbers, renamed
+from semmap_log.core.folds.renumbering import NewNumbers, renamed
 from semmap_log.core.model.doors import CLASS, NAN, DoorId
 from semmap_log.core.model.events import (
     DOOR_KINDS,

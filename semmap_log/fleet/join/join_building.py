@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.folds.registers import COMES, STATE_ROW, state_rows
-from semmap_log.core.folds.rewriting import AFTER_ROBOT, BETWEEN_ROBOTS
+from semmap_log.core.folds.renumbering import AFTER_ROBOT, BETWEEN_ROBOTS
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Commit, Note
 from semmap_log.core.model.events import STATE_KINDS, Retracted, SightingsThinned

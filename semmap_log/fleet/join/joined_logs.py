@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import Any
 
-from semmap_log.core.folds.rewriting import AFTER_ROBOT, BETWEEN_ROBOTS
+from semmap_log.core.folds.renumbering import AFTER_ROBOT, BETWEEN_ROBOTS
 from semmap_log.core.io.disk import replace_file
 from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.core.model.rigid_transform import RigidTransform

@@ -11,7 +11,7 @@ import numpy as np
 
 from semmap_log.core.batches.event_batch import in_ranges
 from semmap_log.core.folds.door_index import DoorIndex
-from semmap_log.core.folds.rewriting import begins_ns
+from semmap_log.core.folds.renumbering import begins_ns
 from semmap_log.core.model import events as ev
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import suspect_cells, suspect_units

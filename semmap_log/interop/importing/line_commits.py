@@ -22,7 +22,7 @@ import numpy as np
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.levels import NUMBER_PREFIX, level_called, levels_of
-from semmap_log.core.folds.rewriting import renamed
+from semmap_log.core.folds.renumbering import renamed
 from semmap_log.core.model import events as ev
 from semmap_log.core.model.commits import GIVEN_EVENTS, NO_CONTENT, Note
 from semmap_log.core.model.doors import LEVEL_NOT_GIVEN, DoorId, next_door_id

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from semmap_log.core.folds.rewriting import NewNumbers, renamed
+from semmap_log.core.folds.renumbering import NewNumbers, renamed
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.events import Event
 from semmap_log.interop.pseudonyms.pseudonyms import Pseudonyms

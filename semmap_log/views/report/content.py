@@ -22,7 +22,7 @@ import numpy as np
 from semmap_log.analysis.beliefs import door_beliefs
 from semmap_log.core.folds.history import ROUND_KINDS, HistoryEntry, history, rounds
 from semmap_log.core.folds.levels import levels_of
-from semmap_log.core.folds.rewriting import robots_of
+from semmap_log.core.folds.renumbering import robots_of
 from semmap_log.core.io.disk import log_name
 from semmap_log.core.model.doors import DoorId, DoorMap, DoorState, ObjectClass
 from semmap_log.core.model.moments import format_local, zone

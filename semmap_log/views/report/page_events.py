@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds import door_changes
-from semmap_log.core.folds.rewriting import robots_of, robots_of_poses
+from semmap_log.core.folds.renumbering import robots_of, robots_of_poses
 from semmap_log.core.folds.timeline import Timeline
 from semmap_log.core.model.doors import Door, DoorId, DoorState
 from semmap_log.core.model.events import (

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_changes import THERE, Changes, Stamp, door_changes, of_presence
 from semmap_log.core.folds.levels import levels_of
-from semmap_log.core.folds.rewriting import robots_of
+from semmap_log.core.folds.renumbering import robots_of
 from semmap_log.core.model.doors import Door, DoorId, DoorMap
 from semmap_log.core.model.events import DoorAnnotated, RobotPose
 from semmap_log.core.model.meaning import FIELDS, Changed, Presence

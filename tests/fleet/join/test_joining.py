@@ -13,7 +13,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.folds.rewriting import robots_of, robots_of_poses
+from semmap_log.core.folds.renumbering import robots_of, robots_of_poses
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import (

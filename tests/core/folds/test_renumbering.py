@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from semmap_log.core.folds.rewriting import NewNumbers, renamed
+from semmap_log.core.folds.renumbering import NewNumbers, renamed
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorRemoved, Retracted, SightingsThinned
 
