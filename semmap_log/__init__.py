@@ -31,11 +31,7 @@ if TYPE_CHECKING:
     from semmap_log.errors import SemmapError
     from semmap_log.fleet.jobs.fleet_run import fleet
     from semmap_log.fleet.join.joining_logs import join
-    from semmap_log.log.door_log.appender import Appended
-    from semmap_log.log.door_log.door_log import DoorLog
-    from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-    from semmap_log.log.door_log.opening import append, create
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import Appended, DoorLog, DoorLogWriter, append, create, read
 
 __all__ = [
     "Appended",
@@ -60,28 +56,14 @@ __all__ = [
 ]
 
 _HOMES = {
+    "analysis.sql.sql_query": ("sql",),
     "core.batches.event_batch": ("EventBatch",),
+    "core.folds.projection": ("Projection",),
     "core.model.commits": ("Note",),
-    "core.model.doors": (
-        "Door",
-        "DoorId",
-        "DoorMap",
-        "DoorState",
-        "Geometry",
-        "ObjectClass",
-    ),
-    "log.door_log.appender": ("Appended",),
-    "log.door_log.door_log": ("DoorLog",),
-    "log.door_log.door_log_writer": ("DoorLogWriter",),
-    "log.door_log.opening": (
-        "append",
-        "create",
-    ),
-    "log.door_log.read_log": ("read",),
+    "core.model.doors": ("Door", "DoorId", "DoorMap", "DoorState", "Geometry", "ObjectClass"),
     "errors": ("SemmapError",),
     "fleet.join.joining_logs": ("join",),
-    "core.folds.projection": ("Projection",),
-    "analysis.sql.sql_query": ("sql",),
+    "log": ("Appended", "DoorLog", "DoorLogWriter", "append", "create", "read"),
 }
 
 _load = lazy_names(__name__, _HOMES)

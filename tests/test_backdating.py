@@ -18,7 +18,7 @@ from semmap_log.core.model.moments import parse_instant
 from semmap_log.errors import DoorExistsError, DoorRemovedError, EarlyEventsWarning
 from semmap_log.interop.importing.importing import ImportOptions, import_file
 from semmap_log.interop.importing.present_log import backdate
-from semmap_log.log.door_log.summary import open_any, summarize
+from semmap_log.log.door_log.read_log import open_any
 from semmap_log.log.replay.state import state_at
 from tests.conftest import SteadyClock
 
@@ -140,13 +140,13 @@ def test_info_flags_it_until_it_is_put_right(log: sl.DoorLogWriter) -> None:
     """With the line that does it."""
     door = log.add_door(name="front")
     _told(log, door)
-    (warning,) = summarize(open_any(log.path)).warnings
+    (warning,) = open_any(log.path).summary().warnings
     assert warning.startswith("6 events of 1 door (front), from 2026-02-20 08:00:00+00:00 on")
     assert warning.endswith("--since-ever")
 
     backdate(log, _ns("2026-02-01"))
 
-    assert [] == summarize(open_any(log.path)).warnings
+    assert [] == open_any(log.path).summary().warnings
 
 
 def test_a_door_is_there_since_an_earlier_time(log: sl.DoorLogWriter) -> None:

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import semmap_log as sl
+from semmap_log.core.folds.rebasing import are_same
 from semmap_log.core.messages import decode, encode
 from semmap_log.core.model.commits import GIVEN_EVENTS, NO_CONTENT
 from semmap_log.core.model.events import (
@@ -25,7 +26,6 @@ from semmap_log.core.model.events import (
     RobotPose,
 )
 from semmap_log.errors import CommandReusedError, LogError, UnexpectedEventError
-from semmap_log.log.door_log.rebasing import are_same
 from tests.conftest import SteadyClock
 from tests.sent_commands import send
 from tests.strategies import events

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import semmap_log as sl
+from semmap_log.analysis.day import SLOT_NS, day_of_doors
 from semmap_log.core.model.doors import DoorState
-from semmap_log.log.door_log.day import SLOT_NS, day_of_doors
 from tests.conftest import SteadyClock
 from tests.test_replay import random_log
 

@@ -8,10 +8,10 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.cli import main
+from semmap_log.core.folds.door_index import labels_of
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import DoorAdded, DoorAnnotated, LevelAdded
 from semmap_log.errors import EarlyEventsWarning
-from semmap_log.log.door_log.summary import labels_of
 
 
 def log_of(path: Path, *doors: tuple[int, str | None]) -> sl.DoorLog:

@@ -85,6 +85,20 @@ def test_files_that_import_each_other_are_an_error(
     assert "semmap_log.errors <- semmap_log.core.doors" in capsys.readouterr().err
 
 
+def test_a_chain_goes_on_through_a_name_that_is_loaded_late(checkout: Path) -> None:
+    """
+    `cli.size` imports `store.reading`, whose stub takes the name from the last of a chain of four.
+    """
+    (checkout / "semmap_log/store/reading/__init__.pyi").write_text(
+        "from semmap_log.store.reading.doors import doors as doors\n"
+    )
+    (checkout / "semmap_log/cli").mkdir()
+    (checkout / "semmap_log/cli/__init__.py").write_text("")
+    (checkout / "semmap_log/cli/size.py").write_text("from semmap_log.store.reading import doors\n")
+
+    assert 5 == house.figures(house.modules_of(checkout))["longest import chain"]
+
+
 def test_a_folder_without_the_package_is_an_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from semmap_log.core.folds.rebasing import PointPair, check_fit, fit_maps
 from semmap_log.core.model.rigid_transform import RigidTransform
 from semmap_log.errors import CommandError
-from semmap_log.log.door_log.rebasing import PointPair, check_fit, fit_maps
 
 METRES = st.floats(-200, 200, allow_nan=False)
 ANGLES = st.floats(-math.pi, math.pi, allow_nan=False)

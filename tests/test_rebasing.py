@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 import semmap_log as sl
 from semmap_log.analysis.costmaps import CostmapOptions, costmap_at, costmap_frames
 from semmap_log.analysis.planning.round_planner import begun_round
+from semmap_log.core.folds.rebasing import MeasuredDoor
 from semmap_log.core.model.doors import Door
 from semmap_log.core.model.events import FloorMap, LevelAdded, RobotPose
 from semmap_log.errors import CommandError, CommandReusedError, UnknownDoorError
-from semmap_log.log.door_log.rebasing import MeasuredDoor
 from semmap_log.log.replay.maintenance import verify
 from tests.conftest import SteadyClock
 from tests.store.logs import segment_files

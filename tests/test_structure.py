@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -28,7 +29,7 @@ INSIDE: dict[str, list[set[str]]] = {
              {"model"}, {"events"},
              {"messages"}, {"arrow"}, {"batches"}, {"folds"}],
     "store": [{"reading"}, {"compaction"}, {"trimming"}, {"writing"}, {"repairing"}, {"copying"}],
-    "log": [{"replay"}, {"door_log"}, {"trimming"}, {"rewriting"}, {"signing"}],
+    "log": [{"replay"}, {"door_log"}, {"trimming"}, {"signing"}],
     "analysis": [{"costmap_2d", "probabilities"}, {"costmaps", "beliefs", "scans", "rooms"},
                  {"sql", "planning"}],
     "views": [{"bounds"}, {"excerpt"}, {"plots", "report", "rerun"}, {"notebook"}],
@@ -294,7 +295,116 @@ PUBLIC = [
 """The modules that the reference in docs/api.md is made of."""
 
 
-@pytest.mark.parametrize("name", PUBLIC)
+FACE = "semmap_log.log"
+KERNEL = ("core", "store", "log")
+MOST_IN_FACE = 65
+"""How many names the face has; who adds one to it takes another out, or says why there are more."""
+SEAM = "semmap_log.log.transport"
+"""A log's files as they lie: for `fleet` alone."""
+
+
+def _past_the_face(path: Path) -> Iterator[str]:
+    """Yield what a module above the kernel imports of it, and is neither a noun nor in the face."""
+    room = _place(_name_of(path))[0] if path.parent != PACKAGE else ""
+    for node in _statements(_tree(path)):
+        if isinstance(node, ast.ImportFrom):
+            module = node.module or ""
+            names = {f"{module}.{alias.name}" for alias in node.names}
+        elif isinstance(node, ast.Import):
+            module, names = "", {alias.name for alias in node.names}
+        else:
+            continue
+        if module == SEAM and room == "fleet":
+            continue
+        allowed = {f"{FACE}.{name}" for name in _face().__all__}
+        for name in sorted(names - allowed):
+            if f"{name}.".startswith(("semmap_log.store.", f"{FACE}.")):
+                yield f"{path.relative_to(PACKAGE)}, line {node.lineno}: {name}"
+
+
+def _face() -> ModuleType:
+    return importlib.import_module(FACE)
+
+
+def test_above_the_kernel_its_face_is_used_and_nothing_from_inside() -> None:
+    """
+    Nouns of `core`, and what `semmap_log.log` exports; `fleet` also sends files as they lie.
+    """
+    above = [
+        path
+        for path in [PACKAGE / "__init__.py", *MODULES]
+        if path.parent == PACKAGE or _place(_name_of(path))[0] not in KERNEL
+    ]
+
+    assert [] == [found for path in above for found in _past_the_face(path)]
+
+
+def test_what_goes_past_the_face_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """
+    Modules and their names, wherever in a file they are imported; the seam, outside of `fleet`.
+    """
+    monkeypatch.setattr(sys.modules[__name__], "PACKAGE", tmp_path)
+    (tmp_path / "views").mkdir()
+    path = tmp_path / "views" / "x.py"
+    path.write_text(
+        "from semmap_log.core.model.doors import Door\n"
+        "from semmap_log.log import DoorLog, transport\n"
+        "from semmap_log.log.transport import LogFolder\n"
+        "def f():\n"
+        "    import semmap_log.store.segment\n"
+        "    from semmap_log.log.door_log.door_log import DoorLog\n"
+        "    from semmap_log import store\n"
+    )
+
+    assert [
+        "views/x.py, line 2: semmap_log.log.transport",
+        "views/x.py, line 3: semmap_log.log.transport.LogFolder",
+        "views/x.py, line 5: semmap_log.store.segment",
+        "views/x.py, line 6: semmap_log.log.door_log.door_log.DoorLog",
+        "views/x.py, line 7: semmap_log.store",
+    ] == list(_past_the_face(path))
+
+
+def test_the_face_stays_small() -> None:
+    """
+    Its names are those that type checkers see; somebody above the kernel uses each.
+    """
+    stub = _tree(PACKAGE / "log" / "__init__.pyi").body
+    seen = [
+        (node.module, alias.name)
+        for node in stub
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    ]
+    used = {
+        alias.name
+        for path in [PACKAGE / "__init__.py", *MODULES]
+        for node in ast.walk(_tree(path))
+        if isinstance(node, ast.ImportFrom) and node.module == FACE
+        for alias in node.names
+    }
+
+    assert MOST_IN_FACE == len(_face().__all__) <= 70
+    assert sorted(name for _, name in seen) == sorted(_face().__all__) == sorted(used)
+    assert {name: module for module, name in seen} == {
+        name: f"semmap_log.{home}" for home, names in _face()._HOMES.items() for name in names
+    }
+
+
+def test_each_name_of_the_face_has_its_paragraph_in_the_reference() -> None:
+    """
+    The kernel's page has the docstrings of all, but for those that the users' page has.
+    """
+    page = (PACKAGE.parent / "docs" / "kernel.md").read_text(encoding="utf-8")
+    shown = re.findall(
+        r"^\.\. auto(?:class|function):: semmap_log\.log\.(\w+)$", page, re.MULTILINE
+    )
+    front = importlib.import_module("semmap_log").__all__
+
+    assert sorted(set(_face().__all__) - set(front)) == sorted(shown)
+
+
+@pytest.mark.parametrize("name", [*PUBLIC, FACE, SEAM])
 def test_a_public_module_has_all_its_names(name: str) -> None:
     """
     Every name of `__all__` is there, once, and documented; a class or function says so itself.
@@ -305,7 +415,7 @@ def test_a_public_module_has_all_its_names(name: str) -> None:
     assert [] == [each for each in module.__all__ if not getattr(module, each).__doc__]
 
 
-@pytest.mark.parametrize("name", ["semmap_log", "semmap_log.analysis.beliefs"])
+@pytest.mark.parametrize("name", ["semmap_log", "semmap_log.analysis.beliefs", FACE])
 def test_a_lazy_module_shows_its_names_and_no_others(name: str) -> None:
     """
     `dir` lists them before they are loaded; a name that is not there is an AttributeError.

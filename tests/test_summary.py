@@ -9,7 +9,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.core.model.events import RobotPose
-from semmap_log.log.door_log.summary import open_any, summarize
+from semmap_log.log.door_log.read_log import open_any
 from tests.conftest import SteadyClock
 from tests.verbs import ran
 
@@ -30,7 +30,7 @@ def lying_log(path: Path) -> Path:
 
 def test_durability_is_counted(tmp_path: Path) -> None:
     """By commits, in the order from the strongest promise down."""
-    summary = summarize(open_any(lying_log(tmp_path / "log")))
+    summary = open_any(lying_log(tmp_path / "log")).summary()
 
     assert [("event", 3), ("batch", 2)] == list(summary.durability.items())
     assert 5 == summary.commits
@@ -38,7 +38,7 @@ def test_durability_is_counted(tmp_path: Path) -> None:
 
 def test_suspect_commits_have_event_time_and_reason(tmp_path: Path) -> None:
     """Those at which the clock moved, not those that follow it."""
-    summary = summarize(open_any(lying_log(tmp_path / "log")))
+    summary = open_any(lying_log(tmp_path / "log")).summary()
 
     back, unset = summary.suspects
     assert (3, 4) == (back.event, unset.event)
@@ -108,4 +108,4 @@ def test_a_log_that_tells_of_nobody_says_nothing_of_it(tmp_path: Path) -> None:
     with sl.create(tmp_path / "log", tz="UTC") as log:
         log.observe(log.add_door(), "open")
 
-    assert not summarize(open_any(tmp_path / "log")).personal
+    assert not open_any(tmp_path / "log").summary().personal

@@ -19,7 +19,7 @@ A_LIMIT = re.compile(r"(at most|expected|expected an? [a-z ]+ of|got|of|holds?|a
 """What stands before a number that somebody set, or that a file tells."""
 NEVER_ONE = {
     "cli/compact.py: would merge {len(files)} segments",
-    "log/door_log/door_index.py:  can mean {len(doors)} doors",
+    "core/folds/door_index.py:  can mean {len(doors)} doors",
     "interop/importing/import_plan.py: : the log has {len(found)} doors",
     "interop/importing/line_commits.py: {len(found)} doors",
     "views/rerun/recording.py: {level.name} doors",

@@ -16,7 +16,8 @@ code lines: lines with a token that is no comment and no docstring, of modules, 
     or attributes.
 rooms: packages directly in `semmap_log`. arrows: pairs of rooms of which one imports the other,
     anywhere in a file. imports: pairs of files of which one imports the other.
-longest import chain: files, each of which imports the next, anywhere in the file.
+longest import chain: files, each of which imports the next, anywhere in the file. Who imports a
+    name from a package that loads it late, imports the file that its `__init__.pyi` names.
 import lines: their share of the code lines, in percent.
 private functions called once: functions and methods whose name begins with one underscore, and
     stands once in their file beside its definition.
@@ -103,6 +104,8 @@ class Module:
     """Dotted; of a package's own file, that of the package."""
     is_package: bool
     text: str
+    stub: str = ""
+    """Of a package that loads its names late, what type checkers read."""
 
     @cached_property
     def tree(self) -> ast.Module:
@@ -164,6 +167,22 @@ class Module:
                 names |= (inner & modules.keys()) or {node.module}
         return (names & modules.keys()) - {self.name}
 
+    @cached_property
+    def homes(self) -> dict[str, str]:
+        """The names that it loads late, and the modules that they come from."""
+        imports = [node for node in ast.parse(self.stub).body if isinstance(node, ast.ImportFrom)]
+        return {alias.name: node.module or "" for node in imports for alias in node.names}
+
+    def followed(self, modules: Mapping[str, Module]) -> set[str]:
+        """Return what it imports, and the homes of the names among it that are loaded late."""
+        late = {
+            modules[node.module].homes.get(alias.name, "")
+            for node in self.nodes
+            if isinstance(node, ast.ImportFrom) and node.module in modules
+            for alias in node.names
+        }
+        return self.imported(modules) | ((late & modules.keys()) - {self.name})
+
     def called_once(self) -> int:
         """Return how many private functions one place of the file names."""
         used = Counter(
@@ -203,7 +222,9 @@ def modules_of(checkout: Path) -> dict[str, Module]:
         parts = path.relative_to(checkout).with_suffix("").parts
         is_package = parts[-1] == "__init__"
         name = ".".join(parts[:-1] if is_package else parts)
-        found[name] = Module(name, is_package, path.read_text(encoding="utf-8"))
+        stub = path.with_suffix(".pyi")
+        late = stub.read_text(encoding="utf-8") if stub.exists() else ""
+        found[name] = Module(name, is_package, path.read_text(encoding="utf-8"), late)
     if not found:
         raise HouseError(f"{checkout}: expected a checkout, found no package {PACKAGE}")
     return found
@@ -224,7 +245,9 @@ def figures(modules: Mapping[str, Module]) -> dict[str, float]:
         "rooms": len({module.room for module in every} - {None}),
         "arrows between rooms": len(_arrows(modules, imports)),
         "imports between files": sum(map(len, imports.values())),
-        "longest import chain": longest_chain(imports),
+        "longest import chain": longest_chain(
+            {module.name: module.followed(modules) for module in every}
+        ),
         "import lines, % of code": _rounded(100 * sum(m.import_lines for m in every) / code),
         "private functions called once": sum(module.called_once() for module in every),
         "public names": sum(1 for module in every for _ in _public(module.tree)),

@@ -21,7 +21,7 @@ from semmap_log.cli.door_options import (
 )
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log_writer import About
+    from semmap_log.log import About
 
 
 @takes_about
@@ -70,7 +70,7 @@ def run(
     """
     from semmap_log.cli.door_options import a_state_typed
     from semmap_log.core.model.doors import DoorId, suspect_units
-    from semmap_log.log.door_log.opening import append
+    from semmap_log.log import append
 
     check_not_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
     line = line_of(DoorLine(x, y, theta, width), start, end)

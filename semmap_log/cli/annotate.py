@@ -10,7 +10,7 @@ from semmap_log.cli.common import AsJson, DoorName, WritableLog, takes_about
 from semmap_log.cli.door_options import tell
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log_writer import About
+    from semmap_log.log import About
 
 
 @takes_about
@@ -33,7 +33,7 @@ def run(
       semmap-log annotate office front rooms "lobby,corridor"
       semmap-log annotate office front rooms ""
     """
-    from semmap_log.log.door_log.opening import append
+    from semmap_log.log import append
 
     with append(log) as opened:
         appended = opened.annotate(door, key, value, **about)

@@ -51,7 +51,7 @@ def run(
     from semmap_log.analysis.beliefs.best_times import best_time
     from semmap_log.errors import UnknownDoorError
     from semmap_log.interop.formats.json.beliefs_json import best_time_to_json
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
     from semmap_log.views.timeline_table import best_time_table
 
     opened = read(log)

@@ -13,7 +13,7 @@ from semmap_log.cli.common import AsJson, LogPath, console, print_json
 if TYPE_CHECKING:
     from semmap_log.analysis.beliefs.trials import StateIntervals
     from semmap_log.core.model.doors import DoorId
-    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log import DoorLog
 
 
 def run(
@@ -55,7 +55,7 @@ def run(
     """
     from semmap_log.analysis.beliefs.sensor_calibration import calibrate
     from semmap_log.interop.formats.json.evaluation_json import calibration_to_json
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
     from semmap_log.views.health import calibration_table
 
     opened = read(log)

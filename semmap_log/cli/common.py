@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from semmap_log.core.io.progress import Progress
     from semmap_log.core.io.url_path import UrlPath
     from semmap_log.core.model.doors import DoorId
-    from semmap_log.log.door_log.door_log import DoorLog, Time
-    from semmap_log.log.door_log.door_log_writer import About
+    from semmap_log.core.model.local_clock import Time
+    from semmap_log.log import About, DoorLog
     from semmap_log.views.palette import Palette
 
 
@@ -228,7 +228,7 @@ def note_later_events(
     opened: DoorLog, at: str | None, known_at: str | None, *, door: DoorId | None = None
 ) -> None:
     """Note on stderr if events up to a moment were recorded later, as imported ones are."""
-    from semmap_log.log.door_log.recorded_later import recorded_later
+    from semmap_log.analysis.recorded_later import recorded_later
 
     if later := recorded_later(opened, at, known_at, door=door):
         say(later)
@@ -254,8 +254,8 @@ def check_recorded(
     Raises:
         UnknownDoorError: Why no door is in the map then, and what to do.
     """
+    from semmap_log.analysis.recorded_later import AT_ALONE, recorded_later
     from semmap_log.errors import UnknownDoorError
-    from semmap_log.log.door_log.recorded_later import AT_ALONE, recorded_later
 
     if later := recorded_later(opened, at, known_at, door=door, remedy=remedy or AT_ALONE):
         who = (

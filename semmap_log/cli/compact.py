@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path, PurePath
 
-    from semmap_log.store.compaction import Compacted
+    from semmap_log.log import Compacted
 
 
 def run(
@@ -49,7 +49,7 @@ def run(
       semmap-log compact office --no-merge --json
       semmap-log compact office --free-now
     """
-    from semmap_log.store.compaction import compact, plan_compaction
+    from semmap_log.log import compact, plan_compaction
 
     if dry_run:
         done = plan_compaction(log, merge=not no_merge)

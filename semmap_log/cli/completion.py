@@ -61,7 +61,7 @@ def _map(ctx: Any) -> Iterator[DoorMap]:
     log = ctx.params.get("log") or next(iter(ctx.args), None)
     if log is None:
         return
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     with suppress(Exception), warnings.catch_warnings():
         warnings.simplefilter("ignore")

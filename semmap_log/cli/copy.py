@@ -11,7 +11,7 @@ from semmap_log.cli.common import AsJson, print_json, progress
 from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
-    from semmap_log.store.copying import Copied
+    from semmap_log.log import Copied
 
 
 def run(
@@ -44,7 +44,7 @@ def run(
       semmap-log copy office /mnt/backup/office --full
       semmap-log copy office /mnt/backup/office --json
     """
-    from semmap_log.log.replay.maintenance import copy
+    from semmap_log.log import copy
 
     with progress("Copying") as told:
         done = copy(log, target, full=full, progress=told)

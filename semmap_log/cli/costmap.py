@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from semmap_log.analysis.costmaps import Costmap, CostmapOptions
     from semmap_log.core.model.doors import Door, DoorMap
     from semmap_log.core.model.events import FloorMap
+    from semmap_log.core.model.local_clock import Time
     from semmap_log.interop.exporting.costmap_files import Part, RecordedCostmap
-    from semmap_log.log.door_log.door_log import DoorLog, Time
+    from semmap_log.log import DoorLog
 
 
 MOST_NAMED = 3
@@ -136,7 +137,7 @@ def run(
     from semmap_log.interop.formats.bags.bag_reading import is_bag_name
     from semmap_log.interop.formats.files.map_server import read_map
     from semmap_log.interop.formats.json.plan_json import costmap_to_json
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     common.check_not_nan(
         inflate=inflate,
@@ -263,7 +264,7 @@ def _check_useful(
 
 def _print_left_out(left_out: Sequence[tuple[Door, str]], door_map: DoorMap) -> None:
     """Say a line for each reason, with the first of the doors."""
-    from semmap_log.log.door_log.summary import labels_of
+    from semmap_log.core.folds.door_index import labels_of
 
     labels = labels_of(door_map)
     reasons = dict.fromkeys(why for _, why in left_out)

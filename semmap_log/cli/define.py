@@ -10,7 +10,7 @@ import typer
 from semmap_log.cli.common import AsJson, WritableLog, takes_about
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log_writer import About
+    from semmap_log.log import About
 
 
 class GeometryChoice(str, Enum):
@@ -53,7 +53,7 @@ def run(
       semmap-log add office --class spill --name foyer --outline "2,1 4,1 4,3 2,3"
     """
     from semmap_log.cli.door_options import tell
-    from semmap_log.log.door_log.opening import append
+    from semmap_log.log import append
 
     with append(log) as opened:
         appended = opened.define_class(

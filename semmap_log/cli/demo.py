@@ -124,6 +124,6 @@ def _free_folder() -> Path:
 
 
 def _zone(log: Path) -> str:
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     return read(log).info.timezone

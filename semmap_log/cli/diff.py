@@ -11,7 +11,8 @@ from semmap_log.cli.common import AsJson, LogPath, console, print_json, range_of
 from semmap_log.core.texts import command_line
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log import DoorLog, Time
+    from semmap_log.core.model.local_clock import Time
+    from semmap_log.log import DoorLog
 
 
 def run(
@@ -47,7 +48,7 @@ def run(
       semmap-log diff office event:100 event:200 --json
     """
     from semmap_log.interop.formats.json.door_json import diff_to_json
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     _check_moments(log, first, second, since, until)
     opened = read(log)

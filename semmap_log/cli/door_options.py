@@ -15,7 +15,7 @@ from semmap_log.cli.verb import POINT
 from semmap_log.errors import InvalidEventError
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.appender import Appended
+    from semmap_log.log import Appended
 
 
 StateOption = Annotated[

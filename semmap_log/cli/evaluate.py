@@ -79,7 +79,7 @@ def run(
     from semmap_log.core.io.disk import check_outside_log, log_name
     from semmap_log.core.model.moments import parse_duration
     from semmap_log.interop.formats.json.evaluation_json import evaluation_to_json
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
     from semmap_log.views.timeline_table import evaluation_table
 
     protocol = Protocol(

@@ -13,10 +13,10 @@ import typer
 from semmap_log.cli import common
 
 if TYPE_CHECKING:
+    from semmap_log.core.model.local_clock import Time
     from semmap_log.interop.exporting.log_files import RecordedBag
     from semmap_log.interop.exporting.stream import StreamOptions
-    from semmap_log.log.door_log.door_log import DoorLog, Time
-    from semmap_log.log.replay.replay import Scope
+    from semmap_log.log import DoorLog, Scope
 
 MOST_NAMED = 3
 """So many of the doors that are left out are named."""
@@ -152,7 +152,7 @@ def run(
     from semmap_log.interop.exporting.log_files import export
     from semmap_log.interop.formats.bags.bag_reading import is_bag_name
     from semmap_log.interop.formats.files.pddl import Wishes
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     is_bag = markers or is_bag_name(out)
     if out.suffix.lower() not in OF_ONE_CLASS:

@@ -52,7 +52,7 @@ def run(
     """
     from semmap_log.analysis.planning.door_trip import door_trip
     from semmap_log.interop.formats.json.trip_json import trip_to_json
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
     from semmap_log.views.rebase_table import trip_table
 
     opened = read(log)

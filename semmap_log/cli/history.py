@@ -59,7 +59,7 @@ def run(
     """
     from semmap_log.core.model.events import KIND_BY_NAME, KINDS, RobotPose, UnknownEvent
     from semmap_log.interop.formats.json.door_json import entry_to_json
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     for name in kind or []:
         if name not in KIND_BY_NAME:

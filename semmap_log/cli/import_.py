@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from semmap_log.core.model.commits import Note
     from semmap_log.interop.importing.importing import ImportOptions
-    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log import DoorLog
 
 
 class Preset(str, Enum):
@@ -232,8 +232,7 @@ def run(
     from semmap_log.interop.importing.importing import ImportOptions, import_file
     from semmap_log.interop.importing.present_log import backdate
     from semmap_log.interop.importing.scan_topics import ScanOptions
-    from semmap_log.log.door_log.opening import append
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import append, read
 
     files = files or []
     bag_options.check_scan(scan, pose_topic, heights)

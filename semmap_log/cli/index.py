@@ -28,7 +28,7 @@ def run(
       semmap-log index office
       semmap-log index office --anew --json
     """
-    from semmap_log.log.replay.read_model.indexing import index
+    from semmap_log.log import index
 
     with progress("Indexing") as told:
         done = index(log, anew=anew, progress=told)

@@ -38,15 +38,14 @@ def run(
       semmap-log info office --day yesterday --all-doors
       semmap-log info office/office_000000.mcap --json
     """
+    from semmap_log.analysis.day import day_of_doors
     from semmap_log.core.io.url_path import place_of
     from semmap_log.core.io.virtual_logs import has_virtual_suffix
     from semmap_log.interop.formats.json.door_json import day_to_json
-    from semmap_log.log.door_log.day import day_of_doors
-    from semmap_log.log.door_log.read_log import read
-    from semmap_log.log.door_log.summary import open_any, summarize
+    from semmap_log.log import open_any, read
 
     with progress("Reading") as told:
-        summary = summarize(open_any(log), progress=told)
+        summary = open_any(log).summary(progress=told)
     # A single file has no day: what the files before it have is not there.
     has_days = log.suffix != ".mcap" and summary.events and summary.is_understood
     drawn = day_of_doors(read(log), day) if has_days else None

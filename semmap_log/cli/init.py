@@ -13,7 +13,7 @@ from semmap_log.core.model.moments import MOST_HOLDS, USUAL_HOLDS
 if TYPE_CHECKING:
     from semmap_log.analysis.costmap_2d.map_rules import RulesName
     from semmap_log.core.model.events import FloorMap
-    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log import DoorLog
 
 
 def run(
@@ -105,7 +105,7 @@ def make_log(
     """Make a new log, with a floor plan if there is one, and say so."""
     from semmap_log.interop.formats.files.map_server import read_map
     from semmap_log.interop.importing.importing import ImportOptions, import_file
-    from semmap_log.log.door_log.opening import create
+    from semmap_log.log import create
 
     # Read before anything is made: a map that is none must not leave half a log.
     floor = None if floor_map is None else read_map(floor_map, rules=map_rules)
@@ -130,9 +130,8 @@ def _since_ns(text: str, tz: str | None) -> int:
         MomentError: It is none, or is to come.
     """
     from semmap_log.core.io.clock import SystemClock, believable_ns
-    from semmap_log.core.model.moments import parse_instant
+    from semmap_log.core.model.moments import machine_zone, parse_instant
     from semmap_log.errors import MomentError
-    from semmap_log.log.door_log.opening import machine_zone
 
     since_ns = parse_instant(text, tz=machine_zone() if tz is None else tz)
     if since_ns > believable_ns(SystemClock()):

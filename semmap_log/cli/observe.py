@@ -11,7 +11,7 @@ from semmap_log.cli.common import AsJson, DoorName, WritableLog, check_not_nan, 
 from semmap_log.cli.door_options import StateOption, a_state_typed, state_given
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log_writer import About
+    from semmap_log.log import About
 
 
 @takes_about
@@ -45,7 +45,7 @@ def run(
       semmap-log observe office 3 open --at 2026-03-01T14:02
     """
     from semmap_log.cli.door_options import tell
-    from semmap_log.log.door_log.opening import append
+    from semmap_log.log import append
 
     check_not_nan(opening=opening)
     state = state_given(state, seen)

@@ -10,7 +10,7 @@ import typer
 from semmap_log.cli.common import AsJson, WritableLog, takes_about
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log_writer import About
+    from semmap_log.log import About
 
 
 class Phase(str, Enum):
@@ -39,7 +39,7 @@ def run(
       semmap-log patrol office finish
     """
     from semmap_log.cli.door_options import tell
-    from semmap_log.log.door_log.opening import append
+    from semmap_log.log import append
 
     if name:
         about["reason"] = f"{name}: {about['reason']}" if about["reason"] else name

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from semmap_log.analysis.planning.followed_round import FollowedRound, RoundStep
     from semmap_log.analysis.planning.round_planner import BegunRound
-    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log import DoorLog
 
 
 def follow(opened: DoorLog, begun: BegunRound, *, as_json: bool) -> None:

@@ -14,7 +14,7 @@ from semmap_log.cli.sanitized_streams import json_text, write_line
 
 if TYPE_CHECKING:
     from semmap_log.analysis.planning.patrol_plan import PatrolPlan
-    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log import DoorLog
 
 Speed = Annotated[
     float, typer.Option("--speed", metavar="M/S", help="How fast the robot is, metres a second.")
@@ -115,7 +115,7 @@ def run(
     from semmap_log.analysis.planning.round_planner import begun_round
     from semmap_log.core.io.disk import check_outside_log
     from semmap_log.interop.formats.json.plan_json import plan_to_json
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
     from semmap_log.views.patrol_plan_table import patrol_plan_table
 
     if everything and (rooms or doors):

@@ -9,7 +9,7 @@ import typer
 from semmap_log.cli.common import AsJson, WritableLog, takes_about
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log_writer import About
+    from semmap_log.log import About
 
 
 @takes_about
@@ -34,7 +34,7 @@ def run(
       semmap-log replay office --at pin:accident
     """
     from semmap_log.cli.door_options import tell
-    from semmap_log.log.door_log.opening import append
+    from semmap_log.log import append
 
     if not name:
         raise typer.BadParameter("expected a name", param_hint="NAME")

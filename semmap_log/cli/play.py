@@ -113,7 +113,7 @@ def run(
     from semmap_log.errors import CommandError
     from semmap_log.interop.exporting.stream import StreamOptions, log_stream
     from semmap_log.live.ros.player import PlayOptions, play
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     version = chosen_ros(ros1=ros1, ros2=ros2)
     check_not_nan(rate=rate, default_prob=default_prob, skip_empty=skip_empty, clock_hz=clock_hz)

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from semmap_log.analysis.beliefs.applying import Applied
     from semmap_log.analysis.beliefs.door_beliefs import TypicalWeek
     from semmap_log.core.model.doors import DoorId
-    from semmap_log.log.door_log.door_log import DoorLog
-    from semmap_log.log.door_log.door_log_writer import About
+    from semmap_log.log import About, DoorLog
 
 
 PLOTS = (".png", ".svg")
@@ -113,7 +112,7 @@ def run(
     from semmap_log.analysis.beliefs.door_beliefs import probabilities
     from semmap_log.core.model.moments import parse_duration
     from semmap_log.interop.formats.json.beliefs_json import beliefs_to_json
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     if when is not None and (by is not None or plot is not None):
         raise typer.BadParameter("shows one hour; leave it out, or --by and --plot",
@@ -231,7 +230,7 @@ def _show_typical(
     from semmap_log.core.io.disk import check_outside_log
     from semmap_log.core.model.moments import parse_weekday
     from semmap_log.interop.formats.json.beliefs_json import weeks_to_json
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     hour = None if when is None else parse_weekday(when)
     if when is not None and hour is None:
@@ -287,7 +286,7 @@ def _print_weeks(weeks: Sequence[TypicalWeek], by: Grouping, hour: tuple[int, in
 def _apply(log: Path, asked: dict[str, Any], about: About, told: Any) -> Applied:
     from semmap_log.analysis.beliefs.applying import apply_probabilities
     from semmap_log.core.model.commits import Note
-    from semmap_log.log.door_log.opening import append
+    from semmap_log.log import append
 
     note = Note(actor=about["actor"], source=about["source"], reason=about["reason"],
                    correlation=about["correlation"])  # fmt: skip

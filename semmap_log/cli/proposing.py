@@ -13,7 +13,7 @@ from semmap_log.core.texts import command_line, counted
 if TYPE_CHECKING:
     from semmap_log.interop.importing.door_proposing import ProposedDoors
     from semmap_log.interop.importing.importing import ImportOptions
-    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log import DoorLog
 
 ProposeDoors = Annotated[
     bool,
@@ -91,8 +91,7 @@ def propose(
     from semmap_log.core.model.commits import Note
     from semmap_log.errors import CommandError
     from semmap_log.interop.importing.door_proposing import append_proposed, propose_doors
-    from semmap_log.log.door_log.opening import append
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import append, read
 
     opened = read(log)
     with progress(f"Reading {file.name}", unit="messages") as told:

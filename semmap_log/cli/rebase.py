@@ -10,11 +10,10 @@ import typer
 from semmap_log.cli import common
 
 if TYPE_CHECKING:
+    from semmap_log.core.folds.rebasing import MapFit, RebasePlan
     from semmap_log.core.model.rigid_transform import RigidTransform
     from semmap_log.interop.importing.rebase_files import RebaseMoment
-    from semmap_log.log.door_log.door_log import DoorLog
-    from semmap_log.log.door_log.door_log_writer import About
-    from semmap_log.log.door_log.rebasing import MapFit, RebasePlan
+    from semmap_log.log import About, DoorLog
 
 
 @common.takes_about
@@ -93,12 +92,10 @@ def run(
       semmap-log rebase clinic L2.yaml --level L2 --by 0,0,3.1416 --json
     """
     from semmap_log.cli.door_options import tell
+    from semmap_log.core.folds.rebasing import MOST_RESIDUAL_M
     from semmap_log.interop.formats.files.map_server import read_map
     from semmap_log.interop.formats.json.evaluation_json import rebase_to_json
-    from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-    from semmap_log.log.door_log.opening import append
-    from semmap_log.log.door_log.read_log import read
-    from semmap_log.log.door_log.rebasing import MOST_RESIDUAL_M
+    from semmap_log.log import DoorLogWriter, append, read
 
     _check_together(by, pairs, most_residual)
     most_m = MOST_RESIDUAL_M if most_residual is None else most_residual
@@ -134,9 +131,9 @@ def _check_together(by: str | None, pairs: Path | None, most_residual: float | N
 def _moment(log: DoorLog, level: str | None, about: About) -> RebaseMoment:
     """Return what the log holds when the new map comes; of a command sent again, as it was then."""
     from semmap_log.core.io.clock import SystemClock
+    from semmap_log.core.model.local_clock import happened_ns_of
     from semmap_log.interop.importing.rebase_files import RebaseMoment
-    from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-    from semmap_log.log.door_log.queries import happened_ns_of
+    from semmap_log.log import DoorLogWriter
 
     now_ns, before, command_id = SystemClock().wall_ns(), None, about.get("command_id")
     if isinstance(log, DoorLogWriter):
@@ -155,8 +152,8 @@ def _transform(
     Raises:
         CommandError: A pair does not fit.
     """
+    from semmap_log.core.folds.rebasing import check_fit
     from semmap_log.core.model.rigid_transform import RigidTransform
-    from semmap_log.log.door_log.rebasing import check_fit
     from semmap_log.views.rebase_table import pairs_table
 
     if pairs is None:

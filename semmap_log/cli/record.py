@@ -28,9 +28,7 @@ if TYPE_CHECKING:
     from semmap_log.interop.topics.lasers.scan_keeper import ScanKeeper
     from semmap_log.interop.topics.topic_rules import RosMapping
     from semmap_log.live.ros.ros_recorder import EventSink
-    from semmap_log.log.door_log.door_log import DoorLog
-    from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-    from semmap_log.log.signing.background_signer import BackgroundSigner
+    from semmap_log.log import BackgroundSigner, DoorLog, DoorLogWriter
 
 
 NODE = "semmap_log_recorder"
@@ -88,8 +86,8 @@ def record_topics(
     from semmap_log.interop.topics.mapping_file import read_mapping
     from semmap_log.interop.topics.topic_rules import WELL_KNOWN
     from semmap_log.live.ros.ros_recorder import LogSink, PrintedSink
-    from semmap_log.log.door_log import read_log
-    from semmap_log.log.door_log.opening import append
+    from semmap_log.log import append
+    from semmap_log.log import read as read_log
 
     with stopped_for_good():
         mapping = WELL_KNOWN if read.mapping is None else read_mapping(read.mapping)
@@ -105,7 +103,7 @@ def record_topics(
                 param_hint="--keep-scans",
             )
     if promised is None:
-        known = read_log.read(log) if log.exists() else None
+        known = read_log(log) if log.exists() else None
         _check_level(known, read.level)
         _record(context, version, mapping, PrintedSink(_show, known), "nothing was written")
         return
@@ -325,7 +323,7 @@ def run(
         raise typer.BadParameter("answers each line as JSON already", param_hint="--ack")
     from semmap_log.core.texts import MOST_LISTED, Repeats, counted
     from semmap_log.live.ros.line_recorder import LineAnswer, LineRecorder
-    from semmap_log.log.door_log.opening import append
+    from semmap_log.log import append
 
     refused = Repeats()
 

@@ -35,7 +35,7 @@ def run(log: WritableLog, *, out: Out = None, yes: Yes = False, as_json: AsJson 
       semmap-log recover office --yes
       semmap-log recover office --out office-saved --yes
     """
-    from semmap_log.log.replay.maintenance import plan_recovery, recover, recover_into
+    from semmap_log.log import plan_recovery, recover, recover_into
     from semmap_log.views.health import recovery_report
 
     with progress("Reading") as told:

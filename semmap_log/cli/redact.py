@@ -10,8 +10,7 @@ from semmap_log.cli.common import AsJson, WritableLog
 from semmap_log.cli.retain import DryRun, Officer, Reason, TrimKey, trim
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log import DoorLog
-    from semmap_log.log.trimming.redaction import Part
+    from semmap_log.log import Annotation, DoorLog, Notes, Tracks
 
 
 def run(
@@ -65,9 +64,7 @@ def run(
       semmap-log redact office --door 3 --key name --dry-run
     """
     from semmap_log.core.model.commits import Note
-    from semmap_log.log.door_log.read_log import read
-    from semmap_log.log.trimming.redaction import Redaction
-    from semmap_log.store.reading.reader import LogReader
+    from semmap_log.log import Redaction, read
 
     if (door is None) == bool(key):
         raise typer.BadParameter("expected both, got one", param_hint="--door and --key")
@@ -75,7 +72,7 @@ def run(
         parts = [*_notes(actor, all_of_them=notes), *_others(opened, door, key, tracks=tracks)]
         limit = opened.limit_of(opened.scope(known_at=until))
         before = (opened.last_event() if limit is None else limit) + 1
-        rule = Redaction.of(LogReader(log), parts, before)
+        rule = Redaction.of(log, parts, before)
     if not parts:
         expected = "expected --notes, --actor, --tracks, or --door and --key"
         raise typer.BadParameter(expected, param_hint="what to take out")
@@ -83,18 +80,18 @@ def run(
     trim(log, rule, note, sign_key, dry_run=dry_run, as_json=as_json)
 
 
-def _notes(actors: list[str] | None, *, all_of_them: bool) -> list[Part]:
-    from semmap_log.log.trimming.redaction import Notes
+def _notes(actors: list[str] | None, *, all_of_them: bool) -> list[Notes]:
+    from semmap_log.log import Notes
 
     return [Notes()] if all_of_them else [Notes(actor) for actor in actors or ()]
 
 
 def _others(
     opened: DoorLog, door: str | None, keys: list[str] | None, *, tracks: bool
-) -> list[Part]:
-    from semmap_log.log.trimming.redaction import Annotation, Tracks
+) -> list[Annotation | Tracks]:
+    from semmap_log.log import Annotation, Tracks
 
-    parts: list[Part] = [Tracks()] if tracks else []
+    parts: list[Annotation | Tracks] = [Tracks()] if tracks else []
     if door is not None:
         door_id = opened.resolve_any_door(door)
         parts += [Annotation(door_id, key) for key in keys or ()]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from semmap_log.cli.common import AsJson, DoorName, WritableLog, takes_about
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log_writer import About
+    from semmap_log.log import About
 
 
 @takes_about
@@ -19,7 +19,7 @@ def run(log: WritableLog, door: DoorName, *, as_json: AsJson = False, about: Abo
       semmap-log remove office 3 --actor survey --reason "walled up"
     """
     from semmap_log.cli.door_options import tell
-    from semmap_log.log.door_log.opening import append
+    from semmap_log.log import append
 
     with append(log) as opened:
         appended = opened.remove_door(door, **about)

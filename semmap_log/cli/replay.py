@@ -33,7 +33,7 @@ def run(
     """
     from semmap_log.core.model.doors import DoorState
     from semmap_log.interop.formats.json.door_json import door_map_to_json
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     opened = read(log)
     common.print_empty_log_hint(opened)

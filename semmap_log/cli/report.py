@@ -43,7 +43,7 @@ def run(
     """
     from semmap_log.core.texts import counted
     from semmap_log.interop.exporting.html_report import write_report
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     opened = read(log)
     common.print_empty_log_hint(opened)

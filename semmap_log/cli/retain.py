@@ -19,9 +19,7 @@ from semmap_log.core.texts import counted
 if TYPE_CHECKING:
     from semmap_log.core.model.commits import Note
     from semmap_log.interop.copies.copies_of_log import Copy
-    from semmap_log.log.door_log.door_log import DoorLog
-    from semmap_log.log.signing.ed25519_sdk import SigningKey
-    from semmap_log.log.trimming.trim_log import TrimmedLog, TrimRule
+    from semmap_log.log import DoorLog, SigningKey, TrimmedLog, TrimRule
 
 
 TrimKey = Annotated[
@@ -57,11 +55,10 @@ def trim(
     """
     from semmap_log.interop.copies.copies_of_log import plan_copies, take_out_of_copies
     from semmap_log.interop.copies.going import Going
-    from semmap_log.log.trimming.trim_log import plan_trimming, trim_log
-    from semmap_log.store.reading.reader import LogReader
+    from semmap_log.log import plan_trimming, read, trim_log
 
     key = None if sign_key is None or dry_run else _checked_key(log, sign_key)
-    going = Going.of(rule, LogReader(log))
+    going = Going.of(rule, read(log))
     with progress("Reading" if dry_run else "Taking out") as told:
         if dry_run:
             found = plan_trimming(log, rule, told)
@@ -83,7 +80,7 @@ def trim(
 
 def _checked_key(log: Path, path: Path) -> SigningKey:
     """Return the key that vouches for what goes, once the log is known to be what it has signed."""
-    from semmap_log.log.signing.log_signing import check_before_trimming
+    from semmap_log.log import check_before_trimming
 
     key = key_to_sign(log, path)
     with progress("Verifying") as told:
@@ -92,7 +89,7 @@ def _checked_key(log: Path, path: Path) -> SigningKey:
 
 
 def _sign(log: Path, key: SigningKey) -> None:
-    from semmap_log.log.signing.log_signing import sign
+    from semmap_log.log import sign
 
     with progress("Verifying") as told:
         sign(log, key, trimmed=True, progress=told)
@@ -200,16 +197,13 @@ def run(
       semmap-log retain office --keep 2026-01-01
     """
     from semmap_log.core.model.commits import Note
-    from semmap_log.log.door_log.read_log import read
-    from semmap_log.log.trimming.repeated_sightings import Thinning
-    from semmap_log.log.trimming.trim_log import Retention
-    from semmap_log.store.reading.reader import LogReader
+    from semmap_log.log import Retention, Thinning, read
 
     if (keep is None) == (thin is None):
         raise typer.BadParameter("expected --keep or --thin", param_hint="what to keep")
     with read(log) as opened:
         until_ns = _until_ns(opened, keep or thin or "")
-    rule = (Thinning if keep is None else Retention)(LogReader(log), until_ns)
+    rule = (Thinning if keep is None else Retention)(log, until_ns)
     note = Note(actor=by, reason=reason)
     trim(log, rule, note, sign_key, dry_run=dry_run, as_json=as_json)
 

@@ -15,8 +15,7 @@ from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.core.folds.history import HistoryEntry
-    from semmap_log.log.door_log.door_log import DoorLog
-    from semmap_log.log.door_log.door_log_writer import About
+    from semmap_log.log import About, DoorLog
 
 MOST_SHOWN = 20
 
@@ -43,9 +42,7 @@ def run(
       semmap-log retract office 120..131 --reason "dirty lens"
     """
     from semmap_log.cli.door_options import tell
-    from semmap_log.log.door_log.known_past import newly_hidden
-    from semmap_log.log.door_log.opening import append
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import append, newly_hidden, read
 
     first, last = _range(events)
     with append(log) as opened:

@@ -11,7 +11,7 @@ from semmap_log.cli import common
 
 if TYPE_CHECKING:
     from semmap_log.analysis.rooms.level_rooms import RoomPlan
-    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log import DoorLog
 
 
 def run(
@@ -54,7 +54,7 @@ def run(
     from semmap_log.analysis.rooms.level_rooms import room_plan
     from semmap_log.core.folds.levels import resolve_level
     from semmap_log.interop.formats.json.evaluation_json import rooms_to_json
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
     from semmap_log.views.join_table import RoomWords, room_table
 
     opened = read(log)

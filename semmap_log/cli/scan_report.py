@@ -84,7 +84,7 @@ def run(
     from semmap_log.interop.importing.importing import ImportOptions
     from semmap_log.interop.importing.scan_reporting import seen_visits
     from semmap_log.interop.importing.scan_topics import ScanOptions
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     opened = read(log)
     common.print_empty_log_hint(opened)

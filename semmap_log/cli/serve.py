@@ -234,7 +234,7 @@ def run(
     from semmap_log.live.ros.serving.served_topics import PatrolWish
     from semmap_log.live.ros.serving.server import ServeOptions, Server
     from semmap_log.live.ros.serving.yaml_start import POLL_S, DoorFollower, start_with_yaml
-    from semmap_log.log.door_log.opening import append
+    from semmap_log.log import append
 
     asking = Asking.of(ask, token_file, any_host=ask_any_host)
     planners = Planners.of(asking, ask_now)

@@ -22,7 +22,7 @@ def run(
       semmap-log show office 42
     """
     from semmap_log.interop.formats.json.door_json import entry_to_json
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     opened = read(log)
     entry = opened.entry(number)

@@ -12,9 +12,7 @@ from semmap_log.cli.writing_options import key_to_sign
 from semmap_log.core.texts import command_line, counted
 
 if TYPE_CHECKING:
-    from semmap_log.log.signing.ed25519_sdk import SigningKey
-    from semmap_log.log.signing.log_signing import Signed
-    from semmap_log.log.signing.statement import PublicKey
+    from semmap_log.log import PublicKey, Signed, SigningKey
 
 
 def run(
@@ -98,8 +96,8 @@ def run(
       ssh-keygen -Y verify -f FILE -I NAME -n semmap-log -s X.head.sig < X.head
       openssl ts -verify -data X.head -in X.head.tsr -CAfile ca.pem
     """
-    from semmap_log.log.signing.log_signing import sign
-    from semmap_log.log.signing.signature_folder import TOKEN, is_url, stamp_newest
+    from semmap_log.core.io.url_path import is_http
+    from semmap_log.log import sign, stamp_newest
 
     if (revoke is None) != (first is None):
         raise typer.BadParameter("give both: --revoke PUB --from NUMBER", param_hint="--revoke")
@@ -108,7 +106,7 @@ def run(
             raise typer.BadParameter("only with --key and --from", param_hint="--revoke")
         _revoke(log, key_to_sign(log, key), revoke, first, as_json=as_json)
         return
-    if timestamp and not is_url(timestamp):
+    if timestamp and not is_http(timestamp):
         hint = f"expected http://… or https://…, got {timestamp!r}"
         raise typer.BadParameter(hint, param_hint="--timestamp")
     successor = None if next_key is None else _only_key(next_key, "--next-key")
@@ -120,12 +118,12 @@ def run(
     else:
         _tell(log, done, opened)
     if timestamp and (stamped := stamp_newest(log, opened, timestamp)):
-        say(f"{stamped.path.name}{TOKEN}: time stamp of {stamped.time}")
+        say(f"{stamped.file.name}: time stamp of {stamped.time}")
 
 
 def _revoke(log: Path, owner: SigningKey, path: Path, first: int, *, as_json: bool) -> None:
     """Revoke a key, and say from where on."""
-    from semmap_log.log.signing.log_signing import revoke
+    from semmap_log.log import revoke
 
     revoked = _only_key(path, "--revoke")
     made = revoke(log, owner, revoked, first=first)
@@ -137,7 +135,7 @@ def _revoke(log: Path, owner: SigningKey, path: Path, first: int, *, as_json: bo
 
 def _only_key(path: Path, option: str) -> PublicKey:
     """Return the key in a file, which has to be the only one."""
-    from semmap_log.log.signing.statement import read_public_keys
+    from semmap_log.log import read_public_keys
 
     found = list(read_public_keys([path]).values())
     if len(found) != 1:
@@ -147,8 +145,7 @@ def _only_key(path: Path, option: str) -> PublicKey:
 
 def _new_key(log: Path, path: Path) -> SigningKey:
     """Make a key pair, for a log that is there."""
-    from semmap_log.log.door_log.read_log import read
-    from semmap_log.log.signing.log_signing import make_key
+    from semmap_log.log import make_key, read
 
     made = make_key(path, log=log, comment=read(log).info.robot)
     say(f"{path}: a new private key; keep it from others. Whom to believe: {path}.pub")
@@ -156,11 +153,9 @@ def _new_key(log: Path, path: Path) -> SigningKey:
 
 
 def _tell(log: Path, done: Signed, key: SigningKey) -> None:
-    from semmap_log.log.signing.statement import fingerprint
-
     made = counted(len(done.made), "new signature") if done.made else "nothing new to sign"
     reach = f"up to event {done.next_event - 1}" if done.next_event else "no event yet"
-    typer.echo(f"{log}: {made}; signed {reach} by {fingerprint(key.public_bytes)}")
+    typer.echo(f"{log}: {made}; signed {reach} by {_fingerprint(key)}")
     if done.is_live:
         typer.echo("The live segment is signed once it is closed.")
     if done.adopted is not None:
@@ -173,11 +168,15 @@ def _tell(log: Path, done: Signed, key: SigningKey) -> None:
 
 
 def _to_json(done: Signed, key: SigningKey) -> dict[str, Any]:
-    from semmap_log.log.signing.statement import fingerprint
-
     return {
-        "key": fingerprint(key.public_bytes),
+        "key": _fingerprint(key),
         "made": [path.name for path in done.made],
         "signed_before": done.next_event,
         "live": done.is_live,
     }
+
+
+def _fingerprint(key: SigningKey) -> str:
+    from semmap_log.log import PublicKey
+
+    return PublicKey(key.public_bytes).fingerprint

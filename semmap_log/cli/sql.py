@@ -14,7 +14,7 @@ from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.core.arrow.arrow_sdk import pa
-    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log import DoorLog
 
 
 def run(
@@ -69,7 +69,7 @@ def run(
     from semmap_log.analysis.sql.answer_rows import csv_lines, json_rows, write_answer, writer_for
     from semmap_log.analysis.sql.sql_query import table_of_query
     from semmap_log.core.io.disk import check_outside_log
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     if as_csv and as_json:
         raise typer.BadParameter("expected one of --csv and --json, got both", param_hint="--csv")
@@ -144,7 +144,7 @@ def _logs(given: list[str]) -> dict[str, DoorLog]:
     Raises:
         typer.BadParameter: One is not so written, or a name comes twice.
     """
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     found: dict[str, DoorLog] = {}
     for text in given:

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from semmap_log.core.batches.event_batch import RecordedEvent
     from semmap_log.core.model.commits import Note
     from semmap_log.core.model.doors import DoorId
-    from semmap_log.log.door_log.door_log import DoorLog
-    from semmap_log.store.reading.following import FollowedCommit
+    from semmap_log.log import DoorLog, FollowedCommit
 
     Told = tuple[RecordedEvent, Note]
     """An event, and what its commit says."""
@@ -66,7 +65,7 @@ def run(
       semmap-log tail office -f --json --after 1234 | my_program
     """
     from semmap_log.cli.sanitized_streams import is_for_people
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
     from semmap_log.views.column_table import line_of
     from semmap_log.views.tail_lines import ROW
 

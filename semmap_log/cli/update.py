@@ -10,7 +10,7 @@ from semmap_log.cli import door_options
 from semmap_log.cli.common import AsJson, DoorName, WritableLog, check_not_nan, takes_about
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log_writer import About
+    from semmap_log.log import About
 
 
 @takes_about
@@ -43,7 +43,7 @@ def run(
       semmap-log update office 3 --prob-open 0.3 --prob-closed 0.7
     """
     from semmap_log.cli.door_options import tell
-    from semmap_log.log.door_log.opening import append
+    from semmap_log.log import append
 
     state = door_options.state_given(word, state)
     check_not_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)

@@ -10,7 +10,7 @@ import typer
 from semmap_log.cli.common import AnyLogPath, AsJson, console, print_json, progress
 
 if TYPE_CHECKING:
-    from semmap_log.log.signing.signed_log import SignedVerification
+    from semmap_log.log import SignedVerification
 
 HEAD_BYTES = 32
 
@@ -75,7 +75,7 @@ def run(
       semmap-log verify office --public-key k.pub --signatures /backup/office
     """
     from semmap_log.core.io.virtual_logs import has_virtual_suffix
-    from semmap_log.log.replay.maintenance import verify
+    from semmap_log.log import verify
     from semmap_log.views.health import verification_report
 
     wanted = _hash(head) if head else None
@@ -113,8 +113,7 @@ def _verify_signed(
         raise typer.BadParameter("say whom to believe: --public-key", param_hint="--signatures")
     if log.suffix == ".mcap" or has_virtual_suffix(log):
         raise typer.BadParameter("ask of one whole log", param_hint="--public-key")
-    from semmap_log.log.signing.signed_log import verify_signed
-    from semmap_log.log.signing.statement import read_public_keys
+    from semmap_log.log import read_public_keys, verify_signed
 
     believed = read_public_keys(keys)
     with progress("Verifying") as told:
@@ -144,7 +143,7 @@ def _signed_to_json(done: SignedVerification) -> dict[str, Any]:
 def _verify_joined(log: Path, head: bytes | None, *, as_json: bool) -> None:
     """Verify each log of a join: the join has no bytes of its own."""
     from semmap_log.fleet.join.joined_logs import flat_definition
-    from semmap_log.log.replay.maintenance import verify
+    from semmap_log.log import verify
     from semmap_log.views.health import verification_report
 
     if head is not None:

@@ -20,7 +20,7 @@ from semmap_log.core.texts import counted
 
 if TYPE_CHECKING:
     from semmap_log.core.model.doors import DoorId
-    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log import DoorLog
     from semmap_log.views.rerun.live_view import WebViewer
     from semmap_log.views.rerun.recording import RrdSummary
 
@@ -139,7 +139,7 @@ def run(
     pixels = (1920, 1080) if size is None else _pixels(size)
 
     from semmap_log.core.io.disk import check_outside_log
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     opened = read(log)
     common.print_empty_log_hint(opened)

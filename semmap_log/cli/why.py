@@ -46,7 +46,7 @@ def run(
     """
     from semmap_log.core.model.moments import parse_duration
     from semmap_log.interop.formats.json.explanation_json import explanation_to_json
-    from semmap_log.log.door_log.read_log import read
+    from semmap_log.log import read
 
     opened = read(log)
     common.print_empty_log_hint(opened)

@@ -18,8 +18,7 @@ from semmap_log.core.texts import command_line
 
 if TYPE_CHECKING:
     from semmap_log.fleet.background_shipper import BackgroundShipper
-    from semmap_log.log.signing.background_signer import BackgroundSigner
-    from semmap_log.log.signing.ed25519_sdk import SigningKey
+    from semmap_log.log import BackgroundSigner, SigningKey
 
 
 @contextmanager
@@ -76,7 +75,7 @@ def key_to_sign(log: Path, path: Path) -> SigningKey:
         SigningError: It cannot be used, or lies in the log's folder.
         MissingExtraError: A package is not installed.
     """
-    from semmap_log.log.signing.log_signing import read_key
+    from semmap_log.log import read_key
 
     return read_key(path, log=log, passphrase=lambda: _passphrase(path))
 
@@ -118,7 +117,7 @@ def signer_of(log: Path, path: Path | None, every: str, *, adopt: bool) -> Backg
         raise typer.BadParameter(str(error), param_hint="--sign-every") from None
     with stopped_for_good():
         key = key_to_sign(log, path)
-    from semmap_log.log.signing.background_signer import BackgroundSigner
+    from semmap_log.log import BackgroundSigner
 
     return BackgroundSigner(log, key, adopt=adopt, tell=tell, every_s=max(every_s, LEAST_S))
 

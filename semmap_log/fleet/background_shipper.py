@@ -17,12 +17,11 @@ from typing import TYPE_CHECKING
 from semmap_log.core.io.background_task import AbandonedWork, BackgroundTask
 from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.core.io.url_path import UrlPath, place_of
+from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import NotALogError
 from semmap_log.fleet.shipping import Shipped, ship
-from semmap_log.store.byte_layout import BAG_METADATA_NAME
-from semmap_log.store.closed_mark import listed_marks
-from semmap_log.store.folder import LogFolder, Version
+from semmap_log.log.transport import LogFolder, Version, listed_marks
 
 if TYPE_CHECKING:
     from typing_extensions import Self

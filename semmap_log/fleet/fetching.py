@@ -13,15 +13,19 @@ from semmap_log.core.io.disk import atomic_folder
 from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import UrlPath
-from semmap_log.log.replay.maintenance import verify
-from semmap_log.store.bag_metadata import write_bag_metadata
-from semmap_log.store.byte_layout import MANIFEST_NAME, segment_name
-from semmap_log.store.closed_mark import write_mark
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.manifest import Manifest, ShippedSegment, read_manifest
-from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.segment_reading import statistics_of
-from semmap_log.store.verification import Verification
+from semmap_log.log import Verification, verify
+from semmap_log.log.transport import (
+    MANIFEST_NAME,
+    LogFolder,
+    LogReader,
+    Manifest,
+    ShippedSegment,
+    read_manifest,
+    segment_name,
+    statistics_of,
+    write_bag_metadata,
+    write_mark,
+)
 
 PART_BYTES = 2**23
 """Bytes in memory at once."""

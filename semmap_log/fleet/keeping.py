@@ -21,16 +21,25 @@ from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError
 from semmap_log.fleet import shipping
-from semmap_log.store import removed_part
-from semmap_log.store.bag_metadata import write_bag_metadata
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.lock import WriterLock
-from semmap_log.store.manifest import Manifest, ShippedSegment, read_manifest
-from semmap_log.store.object_names import is_object_name, object_name
-from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.removed_source import kept_bytes
-from semmap_log.store.reading.segment_reading import end_of, statistics_of
-from semmap_log.store.reading.segment_scan import Segment
+from semmap_log.log.transport import (
+    LogFolder,
+    LogReader,
+    Manifest,
+    RemovedPart,
+    Segment,
+    ShippedSegment,
+    WriterLock,
+    end_of,
+    is_object_name,
+    kept_bytes,
+    kept_name,
+    object_name,
+    read_manifest,
+    read_removed_part,
+    statistics_of,
+    write_bag_metadata,
+    write_removed_part,
+)
 
 _READ_BYTES = 8 * BLOCK_BYTES
 
@@ -65,7 +74,7 @@ def remove_shipped(
         LogAccessError: The store, or the disk, denies access.
     """
     folder = LogFolder.held(log)
-    part = removed_part.read_removed_part(folder)
+    part = read_removed_part(folder)
     if part is not None and part.url != store.url:
         raise LogError(
             f"{log}: its removed segments lie at {part.url}; expected that, got {store.url}."
@@ -83,6 +92,12 @@ def remove_shipped(
         raise LogAccessError(problem) from error
     finally:
         lock.release()
+
+
+def shipped_to(log: Path) -> UrlPath | None:
+    """Return where the segments are that were removed from a log's folder; None: none were."""
+    part = read_removed_part(LogFolder(log))
+    return None if part is None else part.url
 
 
 def _old(
@@ -153,7 +168,7 @@ def _check_unchanged(folder: LogFolder, old: Sequence[tuple[Segment, ShippedSegm
 def _remove(
     folder: LogFolder,
     store: ObjectStore,
-    part: removed_part.RemovedPart | None,
+    part: RemovedPart | None,
     old: Sequence[tuple[Segment, ShippedSegment]],
 ) -> RemovedHere:
     """Write the kept parts, then the list, then remove the files.
@@ -170,14 +185,14 @@ def _remove(
     kept = 0
     for segment, shipped in old:
         data = kept_bytes(segment, shipped)
-        folder.write_atomic(removed_part.kept_name(segment.path.name), [data])
+        folder.write_atomic(kept_name(segment.path.name), [data])
         files[segment.path.name] = hashlib.sha256(data).hexdigest(), shipped
         kept += len(data)
     in_order = sorted(files.items(), key=lambda item: item[1][1].header.number)
     shipped_ones = tuple(shipped for _, (_, shipped) in in_order)
     manifest = Manifest(1, shipped_ones[0].header.info, shipped_ones)
     pairs = tuple((file, digest) for file, (digest, _) in in_order)
-    removed_part.write_removed_part(folder, removed_part.RemovedPart(store.url, manifest, pairs))
+    write_removed_part(folder, RemovedPart(store.url, manifest, pairs))
     gone = {segment.path.name for segment, _ in old}
     stay = [s for s in LogReader(folder).segments if s.closed and s.told is None]
     write_bag_metadata(folder, [statistics_of(s) for s in stay if s.path.name not in gone])

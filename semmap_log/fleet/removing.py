@@ -22,9 +22,15 @@ from dataclasses import dataclass, replace
 from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.errors import LogError
 from semmap_log.fleet.shipping import since_when
-from semmap_log.store.byte_layout import MANIFEST_NAME
-from semmap_log.store.manifest import KeptManifest, Manifest, Superseded, read_manifest
-from semmap_log.store.object_names import generation_in, is_object_name
+from semmap_log.log.transport import (
+    MANIFEST_NAME,
+    KeptManifest,
+    Manifest,
+    Superseded,
+    generation_in,
+    is_object_name,
+    read_manifest,
+)
 
 _MOST_RIVALS = 20
 

@@ -22,20 +22,22 @@ from semmap_log.core.io.url_path import UrlPath
 from semmap_log.core.io.virtual_logs import check_not_virtual
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import LogAccessError, LogError
-from semmap_log.store.byte_layout import MANIFEST_NAME, MOST_LIST_BYTES
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.manifest import (
+from semmap_log.log.transport import (
+    MANIFEST_NAME,
+    MOST_LIST_BYTES,
     KeptManifest,
+    LogFolder,
+    LogReader,
     Manifest,
+    Segment,
     ShippedSegment,
     Superseded,
+    end_of,
+    head_before,
+    manifest_entry,
+    object_name,
     read_manifest,
 )
-from semmap_log.store.object_names import object_name
-from semmap_log.store.reading.manifest_entry import manifest_entry
-from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.segment_reading import end_of, head_before
-from semmap_log.store.reading.segment_scan import Segment
 
 _PART_BYTES = 2**23
 """Bytes of an object that are compared at once."""

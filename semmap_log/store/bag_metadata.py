@@ -14,6 +14,7 @@ from mcap.records import Statistics
 
 from semmap_log.core.lazily import late_pattern
 from semmap_log.core.messages import type_hash
+from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME, offered_qos
 from semmap_log.store import byte_layout
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import SegmentHeader
@@ -65,15 +66,15 @@ def write_bag_metadata(folder: LogFolder, segments: Iterable[ClosedSegment]) -> 
     if listed:
         text = bag_metadata_text(listed).encode()
         if not _says(folder, text):
-            folder.write_atomic(byte_layout.BAG_METADATA_NAME, [text])
-    elif folder.has(byte_layout.BAG_METADATA_NAME):
-        folder.remove(byte_layout.BAG_METADATA_NAME)
+            folder.write_atomic(BAG_METADATA_NAME, [text])
+    elif folder.has(BAG_METADATA_NAME):
+        folder.remove(BAG_METADATA_NAME)
         folder.sync()
 
 
 def _says(folder: LogFolder, text: bytes) -> bool:
     try:
-        return folder.read_bytes(byte_layout.BAG_METADATA_NAME, len(text) + 1) == text
+        return folder.read_bytes(BAG_METADATA_NAME, len(text) + 1) == text
     except OSError:
         return False
 
@@ -137,7 +138,7 @@ def _topics(segments: list[ClosedSegment], counts: Counter[int]) -> Iterator[str
         topic.channel_id: (
             topic.topic,
             topic.ros_type,
-            byte_layout.offered_qos(topic.durability),
+            offered_qos(topic.durability),
             type_hash(topic.ros_type),
         )
         for topic in known

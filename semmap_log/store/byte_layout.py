@@ -65,6 +65,7 @@ from numpy.typing import NDArray
 from semmap_log.core.io.disk import TEMPORARY_SUFFIX
 from semmap_log.core.lazily import late_pattern
 from semmap_log.core.messages import OBJECT_KINDS, fixed_layout, ros_type, type_name
+from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME, TRANSIENT_LOCAL, VOLATILE
 from semmap_log.core.model.events import DOOR_KINDS, KINDS, FloorMap
 from semmap_log.store import records as mcap
 
@@ -78,8 +79,6 @@ TRIMMED_VERSION = "4"
 KINDS_OF_MINOR = (14, 18)
 """How many of `KINDS` each minor version has: who adds a kind adds a version."""
 FORMAT_MINOR = len(KINDS_OF_MINOR) - 1
-PROFILE = "ros2"
-LIBRARY = "semmap-log"
 
 LOG_METADATA = "semmap_log"
 INDEX_METADATA = "semmap_index"
@@ -96,7 +95,6 @@ NO_HASH = bytes(HASH_BYTES)
 LOCK_NAME = ".lock"
 NEW_LOCK_NAME = ".lock.tmp"
 """A lock file that only writers can read, before it takes the place of one that all can."""
-BAG_METADATA_NAME = "metadata.yaml"
 OLD_MARK_NAME = "closed.json"
 """How far the log reached when its last segment was closed, as versions before `closed_mark` named
 it: one file, which each closing replaced."""
@@ -143,8 +141,6 @@ TOMBSTONE_CHANNEL = 93
 """In trimmed segments only."""
 FLOOR_MAP_CHANNEL = 100
 """Level 0; level n is on channel 100 + n, written before first use in each segment."""
-
-VOLATILE, TRANSIENT_LOCAL = "volatile", "transient_local"
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,21 +299,6 @@ def is_named_as_part(name: str, merged: str, first: int, last: int) -> bool:
 
 
 _NUMBER = late_pattern(r"_(\d{6,})\.mcap$")
-
-
-def offered_qos(durability: str) -> str:
-    """Return a channel's QoS as rosbag2 writes it, one block for all topics.
-
-    In words, as version 9 has it: it takes a number for an unknown policy (rosbag2_storage/qos.cpp)
-    and would play nothing. rosbags drops, in silence, a file whose channel and metadata.yaml differ
-    here: both are written from this text.
-    """
-    infinite = "{sec: 9223372036, nsec: 854775807}"
-    return (
-        f"- {{history: keep_last, depth: 10, reliability: reliable, durability: {durability}, "
-        f"deadline: {infinite}, lifespan: {infinite}, liveliness: automatic, "
-        f"liveliness_lease_duration: {infinite}, avoid_ros_namespace_conventions: false}}"
-    )
 
 
 KIND_OF_CHANNEL = np.full(2**16, FloorMap.kind, np.uint8)

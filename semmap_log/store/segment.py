@@ -32,6 +32,7 @@ from semmap_log.core.io.checksum import crc32
 from semmap_log.core.io.disk import write_all
 from semmap_log.core.io.reserved_blocks import ReservedBlocks
 from semmap_log.core.messages import schema_text, type_hash
+from semmap_log.core.messages.rosbag2 import LIBRARY, PROFILE, offered_qos
 from semmap_log.store import byte_layout
 from semmap_log.store import records as mcap
 from semmap_log.store.bag_metadata import ClosedSegment
@@ -48,7 +49,7 @@ def channel_record(topic: byte_layout.Topic) -> Channel:
         topic=topic.topic,
         message_encoding="cdr",
         metadata={
-            "offered_qos_profiles": byte_layout.offered_qos(topic.durability),
+            "offered_qos_profiles": offered_qos(topic.durability),
             "topic_type_hash": type_hash(topic.ros_type),
             **({byte_layout.CHANGES_KEY: byte_layout.NOTHING} if topic.changes_nothing else {}),
         },
@@ -156,10 +157,7 @@ class SegmentWriter:
         self.temporary, self._fd = folder.new_file(name)
         self._blocks = ReservedBlocks(self._fd)
         try:
-            self._write(
-                mcap.MAGIC
-                + mcap.record(Header(profile=byte_layout.PROFILE, library=byte_layout.LIBRARY))
-            )
+            self._write(mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY)))
             self._write_metadata(byte_layout.LOG_METADATA, mcap.record(header.to_metadata()))
             self._write(b"".join((*self._head.schemas, *self._head.channels)))
         except BaseException:

@@ -15,15 +15,15 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from semmap_log.analysis.beliefs.door_beliefs import DoorBelief, DoorBeliefs
+from semmap_log.core.folds.explanation import Explanation
 from semmap_log.core.folds.history import Diff, HistoryEntry
 from semmap_log.core.folds.timeline import Timeline
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId, DoorMap, DoorState
+from semmap_log.core.model.local_clock import Time
 from semmap_log.core.model.moments import format_local
 from semmap_log.core.texts import counted
-from semmap_log.log.door_log.appender import Appended
-from semmap_log.log.door_log.door_log import DoorLog, Time
-from semmap_log.log.door_log.explanation import Explanation
+from semmap_log.log import Appended, DoorLog
 from semmap_log.views import belief_words, column_table, tables
 from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn, add_pair, pairs
 from semmap_log.views.event_words import printable

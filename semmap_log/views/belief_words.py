@@ -13,10 +13,10 @@ import numpy as np
 
 from semmap_log.analysis.beliefs.door_beliefs import EvidenceSummary
 from semmap_log.analysis.probabilities.evidence.coverage import WEEK, spans_in_short
+from semmap_log.core.folds.door_index import distinct_labels
 from semmap_log.core.model.doors import Door
 from semmap_log.core.model.moments import format_short
 from semmap_log.core.texts import counted
-from semmap_log.log.door_log.summary import distinct_labels
 from semmap_log.views.event_words import printable
 
 MOST_GROUPS = 3

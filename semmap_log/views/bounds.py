@@ -13,7 +13,7 @@ from semmap_log.analysis.rooms.level_rooms import RoomPlan, plan_of
 from semmap_log.core.model.doors import DoorMap
 from semmap_log.core.model.events import FloorMap
 from semmap_log.errors import CostmapError
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog
 
 MARGIN_M = 1.0
 SMALLEST_SIDE_M = 4.0

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from semmap_log.analysis.day import Day
 from semmap_log.core.folds.timeline import TimeShares
 from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.moments import format_local
 from semmap_log.core.texts import counted
-from semmap_log.log.door_log.day import Day
 from semmap_log.views.column_table import GAP, ColumnTable, TableColumn, TextPicture
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT, OTHER_STATE_COLOUR, SHORTEST_NAME, STATE_COLOURS

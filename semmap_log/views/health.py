@@ -19,7 +19,7 @@ from semmap_log.core.io.url_path import UrlPath
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.moments import format_local
 from semmap_log.core.texts import command_line, counted
-from semmap_log.store.verification.findings import Finding, Severity, Verification
+from semmap_log.log import Finding, Severity, Verification
 from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable
 from semmap_log.views.tables import ABSENT
@@ -27,8 +27,7 @@ from semmap_log.views.tables import ABSENT
 if TYPE_CHECKING:
     from pathlib import PurePath
 
-    from semmap_log.log.signing.signed_log import SignedVerification
-    from semmap_log.store.repairing import Loss, Recovered, RecoveryPlan
+    from semmap_log.log import Loss, Recovered, RecoveryPlan, SignedVerification
 
 
 NAME_WIDTH = 14

@@ -17,13 +17,13 @@ import numpy as np
 from semmap_log.analysis.rooms.level_rooms import OCCUPIED_FROM, RoomPlan
 from semmap_log.analysis.rooms.room_graph import OUTSIDE, Doorway, Room, RoomId
 from semmap_log.analysis.scans.proposing.proposals import Proposal
+from semmap_log.core.folds.door_index import labels_of
 from semmap_log.core.folds.levels import told
 from semmap_log.core.model.events import FloorMap
 from semmap_log.core.texts import command_line, counted
 from semmap_log.fleet.join.door_plan import BuildingDoor
 from semmap_log.fleet.join.join_building import DoorConflict, DoorProposal
 from semmap_log.fleet.join.joined_logs import JoinedLogs
-from semmap_log.log.door_log.summary import labels_of
 from semmap_log.views.column_table import CellValue, ColumnTable, TableColumn
 
 

@@ -15,10 +15,10 @@ from rich.text import Text
 from semmap_log.analysis.planning.door_trip import DoorTrip, TripStop
 from semmap_log.analysis.planning.patrol_round import EXPECTED_P
 from semmap_log.analysis.planning.round_task import AtShutDoor, ShutDoorChoice
+from semmap_log.core.folds.rebasing import MapFit, MovedDoor, RebasePlan
 from semmap_log.core.model.doors import Door, DoorId, DoorState
 from semmap_log.core.model.moments import SECOND_NS, duration, format_local, format_short
 from semmap_log.core.texts import counted
-from semmap_log.log.door_log.rebasing import MapFit, MovedDoor, RebasePlan
 from semmap_log.views.belief_words import named, with_interval
 from semmap_log.views.column_table import Cell, CellValue, ColumnTable, TableColumn
 from semmap_log.views.event_words import printable

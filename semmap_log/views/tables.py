@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import islice
-from pathlib import PurePath
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -30,9 +29,7 @@ from semmap_log.views.event_words import printable, words_of
 
 if TYPE_CHECKING:
     from semmap_log.core.folds.history import Diff, FieldChange, HistoryEntry
-    from semmap_log.log.door_log.summary import LogSummary, PersonalData
-    from semmap_log.log.replay.read_model.indexing import IndexState
-    from semmap_log.store.clock_check import SuspectCommit
+    from semmap_log.log import LogSummary
 
 ABSENT = "-"
 """Marks what is unknown or was not given."""
@@ -280,10 +277,8 @@ def summary_table(summary: LogSummary) -> RenderableType:
         table, "size", column_table.CellValue(size, str(summary.bytes)), machine_name="bytes"
     )
     if summary.index is not None:
-        column_table.add_pair(
-            table, "index", _index_words(summary.index, summary.segments[0].path.parent)
-        )
-    for name, text in _personal_words(summary.personal):
+        column_table.add_pair(table, "index", _index_words(summary))
+    for name, text in _personal_words(summary):
         column_table.add_pair(table, name, _text(text))
     column_table.add_pair(table, "head", summary.head.hex())
     wrong = [*summary.warnings, *_suspects(summary)]
@@ -308,8 +303,9 @@ def _counted_by_class(door_map: DoorMap) -> Iterator[tuple[str, int]]:
         yield f"class {name}", counts[name]
 
 
-def _personal_words(personal: PersonalData) -> Iterator[tuple[str, str]]:
+def _personal_words(summary: LogSummary) -> Iterator[tuple[str, str]]:
     """Yield the parts of a log that are about persons, in words."""
+    personal = summary.personal
     if personal.notes:
         said = f"{personal.notes:,}, {personal.reasons:,} of them with a reason"
         yield "notes", f"{said}; by {_most(personal.actors)}"
@@ -333,26 +329,27 @@ def _frequent(name_and_count: tuple[str, int]) -> tuple[int, str]:
     return -count, name
 
 
-def _index_words(index: IndexState, log: PurePath) -> str:
+def _index_words(summary: LogSummary) -> str:
     """Return the progress of the tables by door, and what to do if they are incomplete."""
+    index = summary.index
+    assert index is not None, "a log without one has no such line"
     said = f"{index.indexed:,} of {counted(index.segments, 'closed file')}, {_size(index.size)}"
     if index.indexed < index.segments:
-        said += f"; `{command_line('index', log)}` brings it up to date"
+        said += f"; `{command_line('index', summary.segments[0].path.parent)}` brings it up to date"
     return said
 
 
 def _suspects(summary: LogSummary) -> list[str]:
     """Return the commits whose clock is suspect, in words."""
     tz = summary.info.timezone
-    told = [f"suspect clock: {_suspect(suspect, tz)}" for suspect in summary.suspects]
+    told = [
+        f"suspect clock: event {one.event}, {format_local(one.wall_clock_ns, tz)}: {one.why}"
+        for one in summary.suspects
+    ]
     if len(told) > MOST_SUSPECTS:
         more = counted(len(told) - MOST_SUSPECTS, "commit")
         told[MOST_SUSPECTS:] = [f"suspect clock: {more} more (all: --json)"]
     return told
-
-
-def _suspect(suspect: SuspectCommit, tz: str) -> str:
-    return f"event {suspect.event}, {format_local(suspect.wall_clock_ns, tz)}: {suspect.why}"
 
 
 def _size(size: int) -> str:

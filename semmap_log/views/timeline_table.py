@@ -20,12 +20,12 @@ from semmap_log.analysis.beliefs.door_beliefs import DoorBelief
 from semmap_log.analysis.beliefs.evaluation import Evaluation
 from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, HOURS, spans_in_short
 from semmap_log.analysis.probabilities.scores import Scores
+from semmap_log.core.folds.explanation import Explanation, StateReason
 from semmap_log.core.folds.history import HistoryEntry
 from semmap_log.core.folds.timeline import Hold, Interval, Timeline
 from semmap_log.core.model.doors import DOOR, DoorId, DoorState, ObjectClass
 from semmap_log.core.model.moments import SECOND_NS, duration, format_local, format_short
 from semmap_log.core.texts import counted, percent
-from semmap_log.log.door_log.explanation import Explanation, StateReason
 from semmap_log.views import column_table, tables
 from semmap_log.views.belief_words import moment_text, why_unknown, with_interval
 from semmap_log.views.event_words import printable, words_of

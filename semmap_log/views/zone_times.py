@@ -17,7 +17,7 @@ from semmap_log.core.model.moments import zone
 from semmap_log.core.texts import command_line
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log import DoorLog
+    from semmap_log.log import DoorLog
 
 
 MS_NS = 10**6

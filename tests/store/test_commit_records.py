@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 
 from semmap_log.core.batches.columnar_events import ColumnarEvents
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.door_index import SIGHTINGS
 from semmap_log.core.messages import encode, layout, type_name, write_message
 from semmap_log.core.model.commits import Commit, Durability, Note
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAnnotated, DoorObserved, Event, FloorMap
 from semmap_log.errors import CommandError
-from semmap_log.log.door_log.door_index import SIGHTINGS
 from semmap_log.store import commit_records
 from semmap_log.store.chunk_builder import kept_template
 from semmap_log.store.chunks import BuiltChunk, build_chunk

@@ -26,9 +26,10 @@ from semmap_log.core.io.disk import (
     read_own,
     replace_file,
 )
+from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
 from semmap_log.errors import CheckpointError, OutputError
 from semmap_log.interop.formats.files.map_server_out import write_map
-from semmap_log.store.byte_layout import BAG_METADATA_NAME, MOST_NAME_BYTES
+from semmap_log.store.byte_layout import MOST_NAME_BYTES
 from semmap_log.store.folder import LogFolder
 from tests.log.replay.projections import Numbers
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from semmap_log.analysis.day import SLOT_NS, Day, DoorDay
 from semmap_log.core.folds.timeline import TimeShares
 from semmap_log.core.model.doors import DoorId
-from semmap_log.log.door_log.day import SLOT_NS, Day, DoorDay
 from semmap_log.views.day_chart import day_chart
 
 MIDNIGHT_NS = 1_772_406_000 * 10**9

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from semmap_log.analysis.beliefs.explaining import explain
     from semmap_log.analysis.beliefs.sensor_calibration import Calibration, calibrate
     from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs, by_name
-    from semmap_log.log.door_log.explanation import Explanation, NextChange, StateReason
+    from semmap_log.core.folds.explanation import Explanation, NextChange, StateReason
 
 __all__ = [
     "Applied",
@@ -81,7 +81,7 @@ _HOMES = {
         "evaluate",
     ),
     "analysis.beliefs.explaining": ("explain",),
-    "log.door_log.explanation": (
+    "core.folds.explanation": (
         "Explanation",
         "NextChange",
         "StateReason",

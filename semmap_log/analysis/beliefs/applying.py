@@ -10,16 +10,14 @@ from dataclasses import dataclass, replace
 
 from semmap_log.analysis.beliefs.door_beliefs import DoorBelief, probabilities
 from semmap_log.core.io.progress import Progress
-from semmap_log.core.model.commits import Note
+from semmap_log.core.model.commits import Note, content_of
 from semmap_log.core.model.doors import Door, DoorId
 from semmap_log.core.model.events import DoorUpdated
+from semmap_log.core.model.local_clock import Time
 from semmap_log.core.model.meaning import Changed
 from semmap_log.core.model.moments import format_local
 from semmap_log.core.texts import counted
-from semmap_log.log.door_log.appender import Appended
-from semmap_log.log.door_log.door_commands import content_of
-from semmap_log.log.door_log.door_log import Time
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.log import Appended, DoorLogWriter
 
 DIGITS = 6
 """Digits of the probabilities: a smaller change does not count."""

@@ -15,8 +15,8 @@ from semmap_log.analysis.probabilities.estimator import StateModel
 from semmap_log.analysis.probabilities.evidence.coverage import HOURS, WeekMask
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId
-from semmap_log.core.model.local_clock import HOUR_S
-from semmap_log.log.door_log.door_log import DoorLog, Time
+from semmap_log.core.model.local_clock import HOUR_S, Time
+from semmap_log.log import DoorLog
 
 if TYPE_CHECKING:
     from semmap_log.analysis.probabilities.sensors.sensor_doubts import SensorDoubt

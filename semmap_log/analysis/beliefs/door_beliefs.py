@@ -19,16 +19,15 @@ from semmap_log.analysis.probabilities.evidence.coverage import WEEK, Coverage, 
 from semmap_log.analysis.probabilities.evidence.evidence import Counts, DoorEvidence
 from semmap_log.analysis.probabilities.forecast import Forecast
 from semmap_log.analysis.probabilities.methods.schedule import DoorSchedule
+from semmap_log.analysis.recorded_later import query_moment_ns, recorded_later
+from semmap_log.core.folds.door_index import doors_listed
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId, DoorMap, ShownAsTable
-from semmap_log.core.model.local_clock import LocalClock
+from semmap_log.core.model.local_clock import LocalClock, Time
 from semmap_log.core.model.moments import HOUR_NS, Moment
 from semmap_log.errors import MomentError, UnknownDoorError
-from semmap_log.log.door_log.clock_warnings import warn_of_clock
-from semmap_log.log.door_log.door_log import DoorLog, Time
-from semmap_log.log.door_log.queries import doors_listed
-from semmap_log.log.door_log.recorded_later import query_moment_ns, recorded_later
+from semmap_log.log import DoorLog, warn_of_clock
 
 if TYPE_CHECKING:
     from semmap_log.analysis.probabilities.sensors.sensor_doubts import SensorDoubt

@@ -34,10 +34,9 @@ from semmap_log.analysis.probabilities.scores import (
 from semmap_log.analysis.probabilities.sensors.sensor_doubts import SensorDoubt
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId
-from semmap_log.core.model.local_clock import LocalClock
+from semmap_log.core.model.local_clock import LocalClock, Time
 from semmap_log.errors import EstimatorError
-from semmap_log.log.door_log.clock_warnings import believable_span, warn_of_clock
-from semmap_log.log.door_log.door_log import DoorLog, Time
+from semmap_log.log import DoorLog, believable_span, warn_of_clock
 
 LEAST_SAMPLES = (200, 100)
 """A door with fewer samples to learn from, or to be forecast, is left out."""

@@ -25,7 +25,7 @@ from semmap_log.core.model.events import DoorObserved
 from semmap_log.core.texts import command_line
 from semmap_log.core.users_line import frames_of_ours
 from semmap_log.errors import EstimatorError, SensorWarning
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog
 
 Times = NDArray[np.int64]
 

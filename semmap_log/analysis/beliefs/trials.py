@@ -15,7 +15,7 @@ from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import STATE_KINDS
 from semmap_log.core.model.moments import DAY_NS, SECOND_NS
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog
 
 LONGEST_NS = 366 * DAY_NS
 """If a state lasts longer, the robot may have been stored, or its clock wrong."""

@@ -20,14 +20,12 @@ from semmap_log.analysis.costmaps.door_layer_fold import By, DoorLayerProjection
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.levels import check_class, level_shown, resolve_level
+from semmap_log.core.folds.rebasing import are_same
 from semmap_log.core.model import events
 from semmap_log.core.model.doors import OUTLINE, DoorId, DoorMap, parse_outline
+from semmap_log.core.model.local_clock import Time
 from semmap_log.errors import CostmapError
-from semmap_log.log.door_log.clock_warnings import warn_of_clock
-from semmap_log.log.door_log.door_log import DoorLog, Time
-from semmap_log.log.door_log.rebasing import are_same
-from semmap_log.log.replay.replay import Scope
-from semmap_log.store.reading.following import FollowedCommit
+from semmap_log.log import DoorLog, FollowedCommit, Scope, warn_of_clock
 
 MARGIN_M = 1.0
 """Around the doors, where there is no map."""

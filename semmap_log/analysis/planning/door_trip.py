@@ -40,10 +40,11 @@ from semmap_log.analysis.rooms.room_graph import OUTSIDE, RoomGraph, RoomId
 from semmap_log.analysis.rooms.walking import SPEED_M_S
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId
+from semmap_log.core.model.local_clock import Time
 from semmap_log.core.model.moments import SECOND_NS, Moment
 from semmap_log.core.texts import counted
 from semmap_log.errors import PlanError
-from semmap_log.log.door_log.door_log import DoorLog, Time
+from semmap_log.log import DoorLog
 
 ON_REQUEST_P = 0.5
 """P(a shut door opens for who asks) where nobody has tried; the answer says that it is assumed."""

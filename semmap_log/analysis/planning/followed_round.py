@@ -29,7 +29,7 @@ from semmap_log.core.model import events as ev
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.meaning import Changed
 from semmap_log.core.model.moments import SECOND_NS, Moment
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog
 
 AT_DOOR_M = 2.0
 """The largest distance from a door's middle of a robot that stands before it."""

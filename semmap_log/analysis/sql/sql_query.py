@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from semmap_log.analysis.recorded_later import recorded_later
 from semmap_log.analysis.sql.duckdb_sdk import duckdb
 from semmap_log.analysis.sql.log_views import (
     ANNOTATIONS,
@@ -32,10 +33,10 @@ from semmap_log.analysis.sql.log_views import (
 from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.core.arrow.event_view import EVENT_VIEW
 from semmap_log.core.arrow.table import Column
+from semmap_log.core.model.local_clock import Time
 from semmap_log.core.texts import counted
 from semmap_log.errors import CommandError, KnownLaterWarning, SemmapError, SqlError
-from semmap_log.log.door_log.door_log import DoorLog, Time
-from semmap_log.log.door_log.recorded_later import recorded_later
+from semmap_log.log import DoorLog
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*", re.ASCII)
 TAKEN = {"main", "temp", "system", "memory", "pg_catalog", "information_schema"}

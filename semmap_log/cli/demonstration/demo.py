@@ -28,11 +28,7 @@ from semmap_log.interop.formats.json.door_json import event_to_json
 from semmap_log.interop.importing.importing import ImportOptions, import_file
 from semmap_log.interop.importing.scan_topics import ScanOptions
 from semmap_log.live.ros.line_recorder import LineAnswer, LineRecorder
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.log.door_log.opening import create
-from semmap_log.log.door_log.read_log import read
-from semmap_log.log.replay.replay import Scope
+from semmap_log.log import DoorLog, DoorLogWriter, Scope, create, read
 
 SCANS = "office_scans"
 VISIT_S = 10.0

@@ -528,3 +528,8 @@ def numbers_of(first: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np
     within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
     numbers: NDArray[np.int64] = np.repeat(first, count) + within
     return numbers
+
+
+def happened_by(batch: EventBatch, at_ns: int) -> EventBatch:
+    """Return events that had happened by a moment, and retractions, which count whenever made."""
+    return batch.select((batch.folds_ns <= at_ns) | (batch.kind == Retracted.kind))

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import PurePath
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch, distinct
-from semmap_log.core.model.doors import DoorId
-from semmap_log.core.model.events import SETTING_KINDS, DoorAnnotated, DoorEvent
-from semmap_log.core.model.meaning import Presence
-from semmap_log.core.texts import counted
+from semmap_log.core.model.doors import DoorId, DoorState
+from semmap_log.core.model.events import (
+    SETTING_KINDS,
+    DoorAdded,
+    DoorAnnotated,
+    DoorEvent,
+    DoorUpdated,
+    Event,
+    defaults_of,
+)
+from semmap_log.core.model.meaning import PART_OF, PLACING, Presence, changed
+from semmap_log.core.texts import command_line, counted
 
 MAY_BE_EARLY: tuple[type[DoorEvent], ...] = (
     *(kind for kind in SETTING_KINDS if kind.effect.presence is Presence.STAYS),
@@ -121,3 +132,29 @@ class EarlyEvents:
 
 
 MOST_NAMED = 5
+
+
+def remedy(log: PurePath) -> str:
+    """Return what to do about events from before their door was added."""
+    line = command_line("import", log, "--since-ever")
+    return f"if they were there already, say so: {line}"
+
+
+def added_since(added: DoorAdded, since_ns: int | None) -> Iterator[Event]:
+    """Yield an adding at an earlier time, and what it says of the state at its own time."""
+    defaults = defaults_of(DoorAdded)
+    unsaid = {name: defaults[name] for name, part in PART_OF.items() if not part & PLACING}
+    yield replace(added, happened_ns=since_ns, **unsaid)
+    said = {name: getattr(added, name) for name in unsaid}
+    told = {name: value for name, value in said.items() if _is_reported(value)}
+    if told:
+        yield DoorUpdated(
+            happened_ns=added.happened_ns,
+            door_id=added.door_id,
+            changed=changed(told),
+            **told,
+        )
+
+
+def _is_reported(value: Any) -> bool:
+    return value is not DoorState.UNKNOWN and not math.isnan(value)

@@ -85,3 +85,8 @@ def place_of(given: str | PurePath) -> Path | UrlPath:
             "after `?` or `#`; remove it."
         )
     return UrlPath(f"{scheme}://{parts.netloc}{parts.path}")
+
+
+def is_http(text: str) -> bool:
+    """Return whether it is a URL of a web server."""
+    return text.startswith(("http://", "https://"))

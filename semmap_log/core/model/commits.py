@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TypeAlias
@@ -125,3 +126,16 @@ class Commit:
     def last_event(self) -> int:
         """Number of its last event."""
         return self.first_event + self.count - 1
+
+
+def content_of(*words: object) -> bytes:
+    """Return the digest of what a command asks for, 16 bytes.
+
+    Args:
+        *words: Values whose `repr` says all about them.
+    """
+    return hashlib.sha256(repr(words).encode()).digest()[: len(NO_CONTENT)]
+
+
+POSES_WAIT_S = 1.0
+"""Robot poses join the next commit; without one, they are written after this time."""

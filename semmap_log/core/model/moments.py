@@ -7,11 +7,13 @@ spring skips is an error.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from semmap_log.core.io.clock import MAX_TIME_NS
@@ -410,3 +412,24 @@ def duration(ns: int) -> str:
         count, ns = divmod(ns, unit_ns)
         parts.append(f"{count} {name}" if count else "")
     return " ".join(filter(None, parts))
+
+
+_LOCALTIME = Path("/etc/localtime")
+
+
+def machine_zone() -> str:
+    """Return the machine's IANA zone; UTC where it does not say."""
+    named = os.environ.get("TZ", "").lstrip(":")
+    try:
+        target = str(_LOCALTIME.readlink())
+    except OSError:
+        target = ""
+    linked = target.partition("zoneinfo/")[2]
+    for name in (named, linked):
+        if name:
+            try:
+                zone(name)
+            except ValueError:
+                continue
+            return name
+    return "UTC"

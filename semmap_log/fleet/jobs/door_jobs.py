@@ -25,6 +25,7 @@ import numpy as np
 
 from semmap_log.analysis.beliefs.door_beliefs import default_estimator, probabilities
 from semmap_log.core.arrow.arrow_sdk import pa
+from semmap_log.core.folds.door_index import all_door_labels
 from semmap_log.core.folds.timeline import Timeline, timelines
 from semmap_log.core.io.checked_file import read_checked, write_checked
 from semmap_log.core.model.doors import DoorState
@@ -45,11 +46,7 @@ from semmap_log.fleet.jobs.job import (
     answers,
     joined_answer,
 )
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.summary import all_door_labels
-from semmap_log.log.replay.maintenance import verify
-from semmap_log.log.replay.replay import Scope
-from semmap_log.store.verification import Severity
+from semmap_log.log import DoorLog, Scope, Severity, verify
 
 PART_EVENTS = 1_000_000
 """Events of a log in memory at once: some 60 bytes each while they are sorted."""

@@ -16,12 +16,10 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from semmap_log import errors
 from semmap_log.core.arrow.arrow_sdk import pa
+from semmap_log.core.folds.plain_state import dump_plain, load_plain
 from semmap_log.core.folds.projection import Dumping, Mergeable, Projection, name_of, version_of
 from semmap_log.core.io.disk import utf8_text
-from semmap_log.core.io.url_path import place_of
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.replay.plain_state import dump_plain, load_plain
-from semmap_log.store.reading.reader import LogReader
+from semmap_log.log import DoorLog
 
 
 @dataclass(frozen=True, slots=True)
@@ -355,16 +353,15 @@ def joined_answer(job: Job, asked: QueriedLog, parts: Sequence[Any]) -> LogAnswe
 def _answer(job: Job, question: LogQuestion) -> LogAnswer:
     asked = QueriedLog(question.place, LogOutcome.ok)
     try:
-        reader = LogReader(place_of(question.place))
-        asked = _described(asked, reader)
-        return _answered(job, question, reader, asked)
+        log = DoorLog(question.place)
+        asked = _described(asked, log)
+        return _answered(job, question, log, asked)
     except Exception as error:  # noqa: BLE001  as above
         is_wrong = isinstance(error, errors.MomentError)
         return LogAnswer(_without(asked, error), is_question_wrong=is_wrong)
 
 
-def _answered(job: Job, question: LogQuestion, reader: LogReader, asked: QueriedLog) -> LogAnswer:
-    log = DoorLog(reader)
+def _answered(job: Job, question: LogQuestion, log: DoorLog, asked: QueriedLog) -> LogAnswer:
     if question.parts:
         assert isinstance(job, PartedJob)
         part = job.ask_part(log, question.part, question.parts, question.last_event)
@@ -380,18 +377,18 @@ def _answered(job: Job, question: LogQuestion, reader: LogReader, asked: Queried
     return LogAnswer(asked, table)
 
 
-def _described(asked: QueriedLog, reader: LogReader) -> QueriedLog:
+def _described(asked: QueriedLog, log: DoorLog) -> QueriedLog:
     """Return the description of an opened log."""
-    last, segments, info = reader.last_commit(), reader.segments, reader.info
+    last, info = log.find_commit(log.last_event()), log.info
     return replace(
         asked,
-        outcome=LogOutcome.ok if segments[-1].closed else LogOutcome.live,
+        outcome=LogOutcome.live if log.is_live() else LogOutcome.ok,
         log_id=info.log_id,
         robot=info.robot,
         building=info.building,
         head="" if last is None else last.hash.hex(),
         events=0 if last is None else last.last_event + 1,
-        bytes=sum(segment.size for segment in segments),
+        bytes=log.size(),
     )
 
 

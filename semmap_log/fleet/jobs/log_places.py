@@ -21,8 +21,7 @@ from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.errors import FormatError, NotALogError
 from semmap_log.fleet.jobs import lake_folder
 from semmap_log.fleet.jobs.job import Holds, Told
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.store.reading.window import Window
+from semmap_log.log import DoorLog, Window
 
 MARKS = "*?["
 """Marks of a pattern, in any part of a path or URL; each matches within one part."""

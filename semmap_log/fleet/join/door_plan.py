@@ -17,10 +17,7 @@ from semmap_log.core.model.doors import NAN, Door, DoorId, DoorState, ObjectClas
 from semmap_log.core.model.events import DoorAdded, DoorRemoved, FloorMap
 from semmap_log.errors import FormatError, SemmapError
 from semmap_log.fleet.join.joined_logs import DoorRow, JoinedLog, JoinedLogs, log_called
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.store.pages import kinds_mask
-from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.window import Window
+from semmap_log.log import DoorLog, Window, kinds_mask
 
 Stamp = tuple[int, int, str, int]
 """The order in which events count: when it happened, but never after recording; when its commit
@@ -84,7 +81,7 @@ def plan_doors(joined: JoinedLogs) -> DoorPlan:
         FormatError: The table names a log or a door that is not there, or a door twice.
     """
     is_alone = len(joined.logs) == 1 and not joined.definition.doors
-    states = {log.name: DoorLog(log.opened).state_in() for log in joined.logs}
+    states = {log.name: log.opened.state_in() for log in joined.logs}
     levels = level_plan(joined, states)
     known = {log.name: _doors_of(log.name, states[log.name]) for log in joined.logs}
     told = _told(joined, known)
@@ -143,7 +140,7 @@ def _told(
     for row in joined.definition.doors:
         try:
             log = log_called(row.log, joined.logs)
-            door_id = int(DoorLog(log.opened).resolve_any_door(row.door))
+            door_id = int(log.opened.resolve_any_door(row.door))
         except FormatError:
             raise
         except SemmapError as error:
@@ -243,12 +240,11 @@ class _Coming:
 def _comings(log: JoinedLog) -> Iterator[_Coming]:
     """Yield additions and removals of doors that were not retracted."""
     hidden = log.opened.retractions()
-    for batch in log.opened.batches(Window(kinds=kinds_mask([DoorAdded, DoorRemoved]))):
+    for batch in log.opened.batches_in(Window(kinds=kinds_mask([DoorAdded, DoorRemoved]))):
         seen = hidden.visible(batch)
         rows = zip(seen, seen.folds_ns.tolist(), seen.door_ids().tolist(), strict=True)
         for recorded, folds_ns, door_id in rows:
-            commit = log.opened.commit_at(recorded.number)
-            stamp = (folds_ns, commit.recorded_ns, log.log_id, recorded.number)
+            stamp = (folds_ns, log.known_ns(recorded.number), log.log_id, recorded.number)
             yield _Coming(door_id, stamp, isinstance(recorded.event, DoorAdded))
 
 
@@ -356,10 +352,10 @@ def level_plan(joined: JoinedLogs, states: Mapping[str, DoorMapState]) -> LevelP
     return LevelPlan(numbers, told_by, drawn_by)
 
 
-def _drawn(reader: LogReader) -> set[int]:
+def _drawn(log: DoorLog) -> set[int]:
     """Return the levels of which a log has a floor map."""
-    hidden = reader.retractions()
-    batches = map(hidden.visible, reader.batches(Window(kinds=kinds_mask([FloorMap]))))
+    hidden = log.retractions()
+    batches = map(hidden.visible, log.batches_in(Window(kinds=kinds_mask([FloorMap]))))
     events = (event for batch in batches for event in batch.to_events())
     return {event.level for event in events if isinstance(event, FloorMap)}
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.renumbering import NewNumbers, renamed
 from semmap_log.core.model.doors import CLASS, NAN, DoorId
 from semmap_log.core.model.events import (
     DOOR_KINDS,
@@ -43,7 +44,6 @@ from semmap_log.core.model.events import (
 from semmap_log.core.model.meaning import ALL_CHANGED, FIELDS, PLACING
 from semmap_log.fleet.join.door_plan import DoorPlan
 from semmap_log.fleet.join.joined_logs import JoinedLog
-from semmap_log.log.rewriting.new_numbers import NewNumbers, renamed
 
 _QUICK = {kind.kind for kind in (DoorObserved, DoorRequested, DoorPassed, RobotPose)}
 """Kinds that are translated as columns."""

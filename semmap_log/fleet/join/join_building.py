@@ -16,31 +16,20 @@ from dataclasses import dataclass, replace
 from heapq import merge
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.folds.registers import COMES, STATE_ROW, state_rows
+from semmap_log.core.folds.renumbering import AFTER_ROBOT, BETWEEN_ROBOTS
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Commit, Note
-from semmap_log.core.model.events import STATE_KINDS, SightingsThinned
+from semmap_log.core.model.events import STATE_KINDS, Retracted, SightingsThinned
 from semmap_log.errors import LogError
 from semmap_log.fleet.join.door_plan import BuildingDoor, DoorPlan, LogDoor
 from semmap_log.fleet.join.event_translation import EventTranslation
 from semmap_log.fleet.join.joined_logs import DoorRow, JoinedLog, JoinedLogs
-from semmap_log.log.door_log.robot_names import AFTER_ROBOT, BETWEEN_ROBOTS
-from semmap_log.log.replay.replay import kept_commits
-from semmap_log.log.replay.state import retractions_after
-from semmap_log.log.rewriting.rewritten_log import RewrittenLog
-from semmap_log.store.header import LogInfo
-from semmap_log.store.pages import kinds_mask
-from semmap_log.store.reading.following import FollowedCommit
-from semmap_log.store.reading.window import Window
-
-if TYPE_CHECKING:
-    from semmap_log.store.reading.reader import LogReader
-
+from semmap_log.log import FollowedCommit, LogInfo, RewrittenLog, Window, kinds_mask
 
 ID_BYTES = 16
 TOLD_EVERY = 1000
@@ -94,7 +83,7 @@ def build_join(
         NewerLogError: A log holds what only a later version understands.
     """
     for log in joined.logs:
-        log.opened.check_known()
+        log.opened.retractions()  # raises what is raised below, before anything is written
     entropy, horizon_ns = SeededBytes(seed), horizon_of(joined, plan)
     made = RewrittenLog(folder, _info(joined, entropy), entropy, horizon_ns=horizon_ns)
     rounds: dict[tuple[str, int], int] = {}
@@ -193,7 +182,7 @@ def _commits(log: JoinedLog) -> Iterator[Found]:
         LogError: A recorded time does not grow.
     """
     last_ns = -1
-    for followed in kept_commits(log.opened):
+    for followed in log.opened.kept_commits():
         commit = followed.commit
         if commit.recorded_ns <= last_ns and commit.count:
             raise LogError(f"{log.place}: event {commit.first_event} was recorded out of order.")
@@ -330,28 +319,29 @@ def horizon_of(joined: JoinedLogs, plan: DoorPlan) -> int:
     It is that of the log that keeps least. It is later if a log disagrees with thinned sightings of
     another, or later retracts an event from before it: a state at the horizon cannot know both.
     """
-    readers = [log.opened for log in joined.logs]
-    horizon_ns = max(known_again_ns(joined, plan), *(reader.horizon_ns for reader in readers))
+    horizons_ns = (log.opened.horizon_ns() for log in joined.logs)
+    horizon_ns = max(known_again_ns(joined, plan), *horizons_ns)
     if horizon_ns < 0:
         return -1
-    spans = sorted(span for reader in readers for span in _retracted(reader))
+    spans = sorted(span for log in joined.logs for span in _retracted(log))
     for retracted_ns, first_ns in spans:
         if first_ns <= horizon_ns < retracted_ns:
             horizon_ns = retracted_ns
     return horizon_ns
 
 
-def _retracted(reader: LogReader) -> Iterator[tuple[int, int]]:
+def _retracted(log: JoinedLog) -> Iterator[tuple[int, int]]:
     """Yield for each retraction when it was recorded, and when the first event it reaches was.
 
     Retractions from before the log's own horizon are left out: they only reach events that are gone
     already.
     """
-    for one in retractions_after(reader, reader.horizon - 1):
-        reached = Window(first_event=one.first_event, before_event=one.last_event + 1)
-        for batch in reader.batches(reached):
-            first, last = (reader.commit_at(n) for n in (int(batch.number[0]), one.number))
-            yield last.recorded_ns, first.recorded_ns
+    window = Window(kinds=kinds_mask([Retracted]), first_event=log.opened.horizon() or None)
+    for one in (recorded for batch in log.opened.batches_in(window) for recorded in batch):
+        assert isinstance(one.event, Retracted)
+        reached = Window(first_event=one.event.first_event, before_event=one.event.last_event + 1)
+        for batch in log.opened.batches_in(reached):
+            yield log.known_ns(one.number), log.known_ns(int(batch.number[0]))
             break
 
 
@@ -404,20 +394,20 @@ def _others(rows: dict[str, NDArray[np.void]], name: str) -> NDArray[np.void]:
 
 def _states_of(log: JoinedLog, plan: DoorPlan) -> NDArray[np.void]:
     """Return the states of the building's doors in a log, by door and time."""
-    reader = log.opened
-    hidden = reader.retractions()
-    window = Window(kinds=kinds_mask(STATE_KINDS), first_event=reader.horizon or None)
-    rows = state_rows(map(hidden.visible, reader.batches(window)))
+    opened = log.opened
+    hidden = opened.retractions()
+    window = Window(kinds=kinds_mask(STATE_KINDS), first_event=opened.horizon() or None)
+    rows = state_rows(map(hidden.visible, opened.batches_in(window)))
     rows = rows[rows["state"] < COMES]
     return _sorted(_in_building(rows, log, plan))
 
 
 def _thinned(log: JoinedLog, plan: DoorPlan) -> NDArray[np.void]:
     """Return what was thinned of a log, with the doors' numbers in the building."""
-    reader = log.opened
-    hidden, found = reader.retractions(), [np.empty(0, _RUN)]
-    window = Window(kinds=kinds_mask([SightingsThinned]), first_event=reader.horizon or None)
-    for batch in reader.batches(window):
+    opened = log.opened
+    hidden, found = opened.retractions(), [np.empty(0, _RUN)]
+    window = Window(kinds=kinds_mask([SightingsThinned]), first_event=opened.horizon() or None)
+    for batch in opened.batches_in(window):
         told = hidden.visible(batch)
         if len(told):
             rows = np.zeros(len(told), _RUN)

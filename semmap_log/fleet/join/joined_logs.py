@@ -15,13 +15,13 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import Any
 
+from semmap_log.core.folds.renumbering import AFTER_ROBOT, BETWEEN_ROBOTS
 from semmap_log.core.io.disk import replace_file
 from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.core.model.rigid_transform import RigidTransform
 from semmap_log.core.texts import command_line
 from semmap_log.errors import FormatError, LogError, NotALogError, OutputError
-from semmap_log.log.door_log.robot_names import AFTER_ROBOT, BETWEEN_ROBOTS
-from semmap_log.store.reading.reader import LogReader
+from semmap_log.log import DoorLog
 
 MAX_NS = 2**63 - 1
 
@@ -31,7 +31,7 @@ class JoinedLog:
     """A log of a join, as it was when it was opened: up to its last commit."""
 
     name: str
-    opened: LogReader
+    opened: DoorLog
     place: PurePath
     frame: RigidTransform | None
     """Transform to the building's frame; None: unknown, so that its geometry does not count."""
@@ -43,6 +43,12 @@ class JoinedLog:
     def log_id(self) -> str:
         """The id of the log."""
         return self.opened.info.log_id
+
+    def known_ns(self, number: int) -> int:
+        """Return when the commit of an event was recorded."""
+        commit = self.opened.find_commit(number)
+        assert commit is not None, "the event is in the log"
+        return commit.recorded_ns
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,17 +127,17 @@ def _flat(definition: JoinDefinition, inside: tuple[PurePath, ...]) -> JoinDefin
 
 
 def _opened(place: JoinedPlace) -> JoinedLog:
-    reader = LogReader(place.place)
-    if place.log_id and reader.info.log_id != place.log_id:
+    log = DoorLog(place.place)
+    if place.log_id and log.info.log_id != place.log_id:
         raise LogError(
             f"{place.place}: the log was replaced by another one (expected the id {place.log_id}, "
-            f"got {reader.info.log_id}); run `join` again."
+            f"got {log.info.log_id}); run `join` again."
         )
-    last = reader.last_commit()
-    first = reader.find_commit(0)
+    last = log.find_commit(log.last_event())
+    first = log.find_commit(0)
     return JoinedLog(
         place.name,
-        reader,
+        log,
         place.place,
         place.frame,
         -1 if last is None else last.last_event,

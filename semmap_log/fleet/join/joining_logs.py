@@ -27,9 +27,8 @@ from semmap_log.errors import LogAccessError, LogError
 from semmap_log.fleet.join import joined_logs
 from semmap_log.fleet.join.door_plan import plan_doors
 from semmap_log.fleet.join.join_building import build_join
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.reading.reader import LogReader
+from semmap_log.log import DoorLog
+from semmap_log.log.transport import LogFolder
 
 VIEW_VERSION = 2
 """Version of the translation: another version's views are not used."""
@@ -178,7 +177,7 @@ def join(
         defined(logs, doors=doors, frames=frames or {}, reference=reference or "")
     )
     view = view_of(joined, None if cache is None else Path(cache).absolute())
-    return DoorLog(LogReader(LogFolder(view.path, made=view)))
+    return DoorLog(LogFolder(view.path, made=view))
 
 
 def defined(

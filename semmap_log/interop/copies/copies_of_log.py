@@ -26,24 +26,16 @@ from semmap_log.errors import FormatError, LogError
 from semmap_log.fleet.answer_places import answers_of, default_folder
 from semmap_log.fleet.join.joining_logs import TEMPORARY as VIEW
 from semmap_log.fleet.join.joining_logs import is_view_of, views_of
+from semmap_log.fleet.keeping import shipped_to
 from semmap_log.interop.copies.going import EVER, Going
-from semmap_log.interop.copies.same_log import beside, holds
 from semmap_log.interop.formats.files.thesis_yaml import SAVED_SUFFIX
 from semmap_log.interop.formats.kept_scans.writing import (
     VisitsInFile,
     take_out_visits,
     visits_in_file,
 )
-from semmap_log.log.replay.read_model.events_about import FOLDER as INDEX_FOLDER
-from semmap_log.log.replay.read_model.indexing import remove_stale_tables_alone
-from semmap_log.store import byte_layout
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.lock import WriterLock
-from semmap_log.store.removed_part import read_removed_part
-from semmap_log.store.repairing.recovering import beside as recovery_folder
+from semmap_log.log import copies_next_to, holds_log, lock_log, other_files
 
-_SIGNATURES = "signatures"
-"""Signed heads: hashes and numbers, no contents of events."""
 _TEMPORARY = "semmap-log-"
 """How the names of our folders for temporary files begin."""
 _LOOK = "look at it, and remove it"
@@ -106,7 +98,7 @@ def take_out_of_copies(log: Path, going: Going, *, is_trimmed: bool) -> list[Cop
     if not any(one.is_writers for one in planned):
         return [_done(one) for one in planned]
     try:
-        lock = WriterLock(LogFolder.held(log))
+        lock = lock_log(log)
     except LogError as error:
         return [_not_done(one, error) if one.is_writers else _done(one) for one in planned]
     try:  # only now nobody adds to the scans
@@ -135,55 +127,37 @@ def _not_done(copy: Copy, error: Exception) -> Copy:
 
 def _in_folder(log: Path, *, is_trimmed: bool) -> Iterator[Copy]:
     """Yield what lies in the log's folder next to its segments."""
-    for path in sorted(log.iterdir()):
-        name = path.name
-        if name == INDEX_FOLDER and path.is_dir():
-            if is_trimmed:
-                yield Copy(path, "index", Action.REMOVED, "tables of segments that lost something",
-                           partial(remove_stale_tables_alone, log))  # fmt: skip
-        elif byte_layout.is_temporary(name):
-            yield Copy(path, "temporary", Action.REMOVED, "a file that a killed writer has left",
-                       path.unlink, is_writers=True)  # fmt: skip
-        elif byte_layout.TORN_SUFFIX in name:
-            yield _left(path, "torn", f"what a crash left after the last whole commit; {_LOOK}")
-        elif name.startswith("damaged-"):
-            yield _left(path, "damaged", f"the log as it was before `recover`; {_LOOK}")
-        elif not _is_of_log(name):
-            yield _left(path, "other", f"no file of the log; {_LOOK} if it holds any of it")
-
-
-def _is_of_log(name: str) -> bool:
-    return (
-        name.endswith((".mcap", byte_layout.KEPT_SUFFIX))
-        or name
-        in (
-            byte_layout.BAG_METADATA_NAME,
-            byte_layout.REMOVED_NAME,
-            byte_layout.LOCK_NAME,
-            byte_layout.RECOVERING_NAME,
-            _SIGNATURES,
-        )
-        or byte_layout.is_mark_name(name)
-    )
+    texts = {
+        "index": "tables of segments that lost something",
+        "temporary": "a file that a killed writer has left",
+        "torn": f"what a crash left after the last whole commit; {_LOOK}",
+        "damaged": f"the log as it was before `recover`; {_LOOK}",
+        "other": f"no file of the log; {_LOOK} if it holds any of it",
+    }
+    for one in other_files(log):
+        path, text = log / one.name, texts[one.kind]
+        if one.remove is None:
+            yield _left(path, one.kind, text)
+        elif is_trimmed or one.kind != "index":
+            is_writers = one.kind == "temporary"
+            yield Copy(path, one.kind, Action.REMOVED, text, one.remove, is_writers)
 
 
 def _next_to(log: Path, going: Going) -> Iterator[Copy]:
     """Yield what lies in the same folder as the log."""
     folder = _as_given(log)
     yield from _scans(folder, going)
-    recovering = recovery_folder(folder)
-    if recovering.exists():
-        line = command_line("recover", log)
-        yield _left(recovering, "recovering", f"a recovery that was stopped; finish it: {line}")
-    for name, is_checkpoint in beside(log, going.log_ids):
-        path = folder.with_name(name)
-        if path == recovering:
-            continue
-        if is_checkpoint:
-            yield Copy(path, "checkpoint", Action.REMOVED, "a checkpoint of a fold", path.unlink)
+    texts = {
+        "recovering": "a recovery that was stopped; finish it: " + command_line("recover", log),
+        "copy": "a copy of this log; take it out there as well, or remove it",
+        "checkpoint": "a checkpoint of a fold",
+    }
+    for one in copies_next_to(log, going.log_ids):
+        path, text = folder.with_name(one.name), texts[one.kind]
+        if one.remove is None:
+            yield _left(path, one.kind, text)
         else:
-            again = "take it out there as well, or remove it"
-            yield _left(path, "copy", f"a copy of this log; {again}")
+            yield Copy(path, one.kind, Action.REMOVED, text, one.remove)
     saved = folder.with_name(f"{folder.name}{SAVED_SUFFIX}")
     if going.saved_doors and saved.is_dir():
         yield _left(saved, "saved", f"doors that a server saved, with their states; {_LOOK}")
@@ -252,13 +226,13 @@ def _elsewhere(log: Path, going: Going) -> Iterator[Copy]:
     """Yield what a killed program has left among temporary files, and the store that is known."""
     for path in sorted(Path(tempfile.gettempdir()).glob(f"{_TEMPORARY}*")):
         is_view = path.name.startswith(VIEW) and is_view_of(going.log_ids, path / "view")
-        if path.is_dir() and (is_view or holds(path, going.log_ids)):
+        if path.is_dir() and (is_view or holds_log(path, going.log_ids)):
             what = "what a program unpacked or made of logs; if none runs that uses it, remove it"
             yield _left(path, "unpacked", what)
-    part = read_removed_part(LogFolder(log))
-    if part is not None:
-        line = command_line("ship", log, part.url, "--remove-superseded-after", "0")
-        yield _left(part.url, "shipped", f"what was shipped; send the log as it is now: {line}")
+    url = shipped_to(log)
+    if url is not None:
+        line = command_line("ship", log, url, "--remove-superseded-after", "0")
+        yield _left(url, "shipped", f"what was shipped; send the log as it is now: {line}")
 
 
 def _left(path: PurePath, kind: str, text: str) -> Copy:

@@ -15,12 +15,17 @@ from semmap_log.analysis.scans.visit import Visit
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.model.events import DoorObserved, DoorPassed, LogExported
 from semmap_log.interop.formats.kept_scans.reading import has_kept_scans
-from semmap_log.log.trimming.redaction import Notes, Redaction, Tracks
-from semmap_log.log.trimming.repeated_sightings import Thinning
-from semmap_log.log.trimming.trim_log import Retention, TrimRule
-from semmap_log.store.pages import kinds_mask
-from semmap_log.store.reading.reader import LogReader
-from semmap_log.store.reading.window import Window
+from semmap_log.log import (
+    DoorLog,
+    Notes,
+    Redaction,
+    Retention,
+    Thinning,
+    Tracks,
+    TrimRule,
+    Window,
+    kinds_mask,
+)
 
 EVER = MAX_TIME_NS
 """Before this moment is everything."""
@@ -58,16 +63,16 @@ class Going:
         return bool(robots - {""} if self.actors is None else robots & self.actors)
 
     @classmethod
-    def of(cls, rule: TrimRule, reader: LogReader) -> Going:
+    def of(cls, rule: TrimRule, log: DoorLog) -> Going:
         """Return what a rule takes out of a log.
 
         Raises:
             CorruptLogError: The log is damaged.
         """
-        log_id = reader.info.log_id
-        until_ns = _moment_of(reader, rule.before) if rule.before else 0
-        late = _sightings(reader, rule.before, until_ns) if has_kept_scans(reader.folder) else {}
-        going = cls(log_id, {log_id, *_recovered_from(reader)}, until_ns, late)
+        log_id = log.info.log_id
+        until_ns = _moment_of(log, rule.before) if rule.before else 0
+        late = _sightings(log, rule.before, until_ns) if has_kept_scans(log.path) else {}
+        going = cls(log_id, {log_id, *_recovered_from(log)}, until_ns, late)
         if isinstance(rule, Redaction):
             is_track = any(isinstance(part, Tracks) for part in rule.parts)
             actors = {part.actor for part in rule.parts if isinstance(part, Notes)}
@@ -82,19 +87,17 @@ class Going:
         )
 
 
-def _moment_of(reader: LogReader, event: int) -> int:
+def _moment_of(log: DoorLog, event: int) -> int:
     """Return when the first commit was recorded that has that event, or a later one."""
-    place = reader.segment_of(event)
-    later = (one for one in reader.commits(place or 0) if one.last_event >= event)
-    commit = next(later, None)
+    commit = next(log.commits(event), None)
     return EVER if commit is None else commit.recorded_ns
 
 
-def _sightings(reader: LogReader, event: int, until_ns: int) -> dict[int, list[int]]:
+def _sightings(log: DoorLog, event: int, until_ns: int) -> dict[int, list[int]]:
     """Return when doors were seen before a moment, by events from a number on."""
     found = defaultdict[int, list[int]](list)
     window = Window(first_event=event, kinds=kinds_mask([DoorObserved, DoorPassed]))
-    for batch in reader.batches(window):
+    for batch in log.batches_in(window):
         early = np.flatnonzero(batch.folds_ns < until_ns)
         for door_id, at_ns in zip(
             batch.door_ids()[early].tolist(), batch.folds_ns[early].tolist(), strict=True
@@ -103,9 +106,9 @@ def _sightings(reader: LogReader, event: int, until_ns: int) -> dict[int, list[i
     return {door_id: sorted(seen) for door_id, seen in found.items()}
 
 
-def _recovered_from(reader: LogReader) -> set[str]:
+def _recovered_from(log: DoorLog) -> set[str]:
     """Return the ids of the logs that `recover` made this one of."""
     window = Window(kinds=kinds_mask([LogExported]))
-    told = (one.event for batch in reader.batches(window) for one in batch)
+    told = (one.event for batch in log.batches_in(window) for one in batch)
     names = (event.file_name for event in told if isinstance(event, LogExported))
     return {match[1] for name in names if (match := re.search(r"\(([0-9a-f]{32})\)$", name))}

@@ -19,12 +19,14 @@ from typing import Any
 
 from semmap_log.analysis.beliefs import probabilities
 from semmap_log.analysis.costmaps import costmap_at
-from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.batches.event_batch import EventBatch, happened_by
+from semmap_log.core.folds.door_index import labels_of
 from semmap_log.core.folds.levels import of_class, only_doors
 from semmap_log.core.io.disk import atomic_file, check_outside_log, output_errors
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import DoorId, DoorMap
+from semmap_log.core.model.local_clock import Time
 from semmap_log.core.model.moments import Moment
 from semmap_log.core.texts import counted
 from semmap_log.errors import CommandError, FormatError, UnknownLevelError
@@ -37,10 +39,7 @@ from semmap_log.interop.formats.files.geojson import dump_geojson
 from semmap_log.interop.formats.files.thesis_yaml import dump_thesis_yaml
 from semmap_log.interop.formats.json.door_json import line_to_json
 from semmap_log.interop.formats.ros.door_messages import is_drawn
-from semmap_log.log.door_log.door_log import DoorLog, Time
-from semmap_log.log.door_log.summary import labels_of
-from semmap_log.log.replay.replay import Scope, happened_by
-from semmap_log.store.reading.window import Window
+from semmap_log.log import DoorLog, Scope, Window
 
 WRITABLE = (
     ".yaml (the thesis's door database), .geojson (doors), .csv (states), .jsonl or .parquet "

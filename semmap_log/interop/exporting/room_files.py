@@ -11,7 +11,7 @@ from semmap_log.errors import FormatError, UnknownLevelError
 from semmap_log.interop.exporting.log_files import about
 from semmap_log.interop.formats.files.geojson import dump_room_geojson
 from semmap_log.interop.formats.files.topological_map import dump_topological_map
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog
 
 WRITABLE = ".geojson (rooms as polygons), .tmap2.yaml (a topological map)"
 

@@ -27,14 +27,13 @@ from semmap_log.core.folds.history import HistoryEntry, history
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model import events as ev
 from semmap_log.core.model.doors import DOOR, DoorId, DoorMap
+from semmap_log.core.model.local_clock import Time
 from semmap_log.core.model.moments import check_ordered
 from semmap_log.interop.exporting import stream_topics
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
 from semmap_log.interop.formats.ros import ros_types
 from semmap_log.interop.formats.ros.door_messages import DoorMarkers, ThesisMessages, grid_message
-from semmap_log.log.door_log.clock_warnings import warn_of_clock
-from semmap_log.log.door_log.door_log import DoorLog, Time
-from semmap_log.store.reading.window import Window
+from semmap_log.log import DoorLog, Window, warn_of_clock
 from semmap_log.views.event_words import printable, words_of
 from semmap_log.views.palette import DEFAULT, Palette
 

@@ -32,8 +32,7 @@ from semmap_log.errors import FormatError
 from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor, TablePlace
 from semmap_log.interop.formats.json.event_json_reader import ParsedLine
 from semmap_log.interop.importing.import_plan import ImportPlan
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.log import DoorLog, DoorLogWriter
 
 MOST_SORTED = 200_000
 """Of more events the file has to have them in order of time."""

@@ -36,8 +36,7 @@ from semmap_log.interop.topics.lasers.scan_keeper import WAY_NS, VisitCommit, is
 from semmap_log.interop.topics.topic_reader import Known, TopicProblems
 from semmap_log.interop.topics.topic_rules import RosMapping
 from semmap_log.interop.topics.translator import Translator
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.replay.replay import Scope
+from semmap_log.log import DoorLog, Scope
 
 MOST_KEPT = 200_000
 """Of more events none is kept in memory: their bag is read twice. For `weight_of`."""

@@ -19,8 +19,7 @@ from semmap_log.core.model.events import DoorAdded, DoorAnnotated, Event, FloorM
 from semmap_log.interop.importing.importing import ImportOptions, mapping_of
 from semmap_log.interop.importing.scan_topics import placed_scans, with_scans
 from semmap_log.interop.topics.lasers.door_places import places_of
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.log import DoorLog, DoorLogWriter
 
 METHOD = "wall-gaps"
 """How doors are found: part of the source of those that are added."""

@@ -25,9 +25,7 @@ from semmap_log.errors import UnknownDoorError, UnknownLevelError
 from semmap_log.interop.formats.files.csv_sightings import Rows, Sightings, accuracies_of
 from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.interop.importing.import_plan import ImportPlan, Present
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.store.pages import kinds_mask
-from semmap_log.store.reading.window import Window
+from semmap_log.log import DoorLog, Window, kinds_mask
 
 
 def plan_sightings(

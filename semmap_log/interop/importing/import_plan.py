@@ -14,15 +14,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.door_index import DoorIndex
+from semmap_log.core.folds.early_events import added_since
 from semmap_log.core.model import doors as door_model
 from semmap_log.core.model import events as ev
 from semmap_log.core.model.meaning import PLACING, changed
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CommandError, DoorExistsError, DoorRemovedError
 from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor
-from semmap_log.log.door_log.door_index import DoorIndex
-from semmap_log.log.door_log.known_past import KnownPast
-from semmap_log.log.door_log.summary import added_since
+from semmap_log.log import KnownPast
 
 BYTES_AN_EVENT = 256
 """So many cells of a floor plan, or characters of a text, count as an event of those that are kept

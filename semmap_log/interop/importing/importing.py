@@ -11,6 +11,7 @@ from pathlib import Path
 from semmap_log.analysis.costmap_2d.map_rules import RulesName
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.levels import resolve_level
+from semmap_log.core.folds.rebasing import are_same
 from semmap_log.core.io.disk import utf8_name
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import NO_CONTENT, Note
@@ -45,9 +46,7 @@ from semmap_log.interop.importing.present_log import (
 from semmap_log.interop.topics.lasers.scan_keeper import ScanKeeper
 from semmap_log.interop.topics.mapping_file import read_mapping
 from semmap_log.interop.topics.topic_rules import WELL_KNOWN, RosMapping
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.log.door_log.rebasing import are_same
+from semmap_log.log import DoorLog, DoorLogWriter
 
 READABLE = (
     ".yaml (a building of Open-RMF, a map of map_server, the thesis's doors), .csv, .csv.gz, "

@@ -10,6 +10,8 @@ from typing import Protocol
 import numpy as np
 
 from semmap_log.core.batches.event_batch import in_ranges
+from semmap_log.core.folds.door_index import DoorIndex
+from semmap_log.core.folds.renumbering import begins_ns
 from semmap_log.core.model import events as ev
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import suspect_cells, suspect_units
@@ -29,11 +31,7 @@ from semmap_log.interop.importing.line_commits import (
     grouped,
     taken,
 )
-from semmap_log.log.door_log.door_index import DoorIndex
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.known_past import Validator
-from semmap_log.log.rewriting.new_numbers import begins_ns
-from semmap_log.store.gone_commands import CommandSeal, StoredCommand
+from semmap_log.log import DoorLog, StoredCommand, Validator
 
 MOST_KEPT = 100_000
 """Of more lines none is kept in memory: their file is read twice. For `weight_of`."""
@@ -335,7 +333,7 @@ class _LinePlanner:
         found = stored.commit
         self.stored_count += found.count
         if stored.seal is not None:
-            self.compare_seal(commit, stored.seal, found)
+            self.compare_seal(commit, stored)
             return
         there = enumerate(self.stored.events_of(found), start=found.first_event)
         line, is_first = 0, True
@@ -356,8 +354,10 @@ class _LinePlanner:
         if is_longer or (commit.is_exported and commit.note != found.note):
             self.problems.add(line, _differs(found))
 
-    def compare_seal(self, commit: PlannedCommit, seal: CommandSeal, found: Commit) -> None:
+    def compare_seal(self, commit: PlannedCommit, stored: StoredCommand) -> None:
         """Note that the log held another command of that id, of which events were taken out."""
+        found, seal = stored.commit, stored.seal
+        assert seal is not None, "that is why this is called"
         lines = [(line, parsed, self.taken(line, parsed)) for line, parsed in commit.lines]
         events = [(parsed, event) for _, parsed, event in lines if event is not None]
         given = [event for _, event in events]

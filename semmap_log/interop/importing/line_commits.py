@@ -22,6 +22,7 @@ import numpy as np
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.levels import NUMBER_PREFIX, level_called, levels_of
+from semmap_log.core.folds.renumbering import renamed
 from semmap_log.core.model import events as ev
 from semmap_log.core.model.commits import GIVEN_EVENTS, NO_CONTENT, Note
 from semmap_log.core.model.doors import LEVEL_NOT_GIVEN, DoorId, next_door_id
@@ -37,9 +38,7 @@ from semmap_log.interop.formats.parsing.problems import Problems, shown
 from semmap_log.interop.formats.parsing.strict_json import MOST_LINE_BYTES
 from semmap_log.interop.importing.held_sightings import AT_ONCE, HeldSightings
 from semmap_log.interop.importing.import_plan import Present
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.rewriting.new_numbers import renamed
-from semmap_log.store.gone_commands import StoredCommand
+from semmap_log.log import DoorLog, StoredCommand
 
 MOST_LEVEL_DIGITS = 5
 """Of a level's number."""

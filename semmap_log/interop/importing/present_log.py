@@ -21,11 +21,7 @@ from semmap_log.errors import FormatError
 from semmap_log.interop.importing.import_plan import Imported, ImportPlan, Present
 from semmap_log.interop.importing.importing_lines import LinesPlan
 from semmap_log.interop.importing.line_commits import NumberMap, PlannedCommit, PlannedEvent
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.store.gone_commands import StoredCommand
-from semmap_log.store.pages import kinds_mask
-from semmap_log.store.reading.window import Window
+from semmap_log.log import DoorLog, DoorLogWriter, StoredCommand, Window, kinds_mask
 
 TOLD_EVERY = 1000
 """Events between two words of progress."""

@@ -11,6 +11,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from semmap_log.core.folds import rebasing
+from semmap_log.core.folds.door_index import resolve_door
 from semmap_log.core.folds.levels import resolve_level
 from semmap_log.core.model.doors import Door, DoorId, DoorMap
 from semmap_log.core.model.events import FloorMap
@@ -20,11 +22,7 @@ from semmap_log.interop.formats.files.building import DoorStart, read_building, 
 from semmap_log.interop.formats.files.door_table import DoorTable, TableDoor
 from semmap_log.interop.formats.files.map_server import is_yaml, kind_of_yaml
 from semmap_log.interop.formats.files.thesis_yaml import read_thesis_yaml
-from semmap_log.log.door_log import rebasing
-from semmap_log.log.door_log.door_commands import rebase_plan
-from semmap_log.log.door_log.door_index import resolve_door
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.replay.replay import Scope
+from semmap_log.log import DoorLog, Scope
 
 READABLE = ".yaml: a building of Open-RMF, or the thesis's door database"
 
@@ -159,10 +157,12 @@ class RebaseMoment:
         Raises:
             CommandError: As for `plan_rebase`.
         """
-        return rebase_plan(
-            self.log, floor, by, measured.doors, level=self.level, at_ns=self.at_ns,
-            event=self.event,
-        )  # fmt: skip
+        log = self.log
+        now = log.state_in(Scope(event=self.event))
+        then = now if self.at_ns is None else log.state_in(Scope(self.at_ns, event=self.event))
+        floor_now = log.floor_of(then.door_map(), self.level)
+        states = rebasing.MapStates(then, now, floor_now, log.path)
+        return rebasing.plan_rebase(states, floor, by, measured.doors, level=self.level)
 
     def _start_of(self) -> DoorStart:
         def start_of(text: str) -> tuple[float, float]:

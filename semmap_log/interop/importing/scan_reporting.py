@@ -18,7 +18,7 @@ from semmap_log.interop.formats.kept_scans.writing import keeping_scans
 from semmap_log.interop.importing.importing import ImportOptions, plan_scan_import
 from semmap_log.interop.topics.lasers.door_places import is_glass
 from semmap_log.interop.topics.lasers.scan_keeper import ScanKeeper
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog
 
 
 @dataclass(slots=True)

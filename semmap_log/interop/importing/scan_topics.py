@@ -38,8 +38,7 @@ from semmap_log.interop.topics.lasers.scan_keeper import (
 )
 from semmap_log.interop.topics.topic_reader import Known, TopicProblems
 from semmap_log.interop.topics.translator import Translator
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.log import DoorLog, DoorLogWriter
 
 MOST_TOPICS = 20
 

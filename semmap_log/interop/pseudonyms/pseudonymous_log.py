@@ -9,16 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from semmap_log.core.folds.renumbering import NewNumbers, renamed
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.events import Event
 from semmap_log.interop.pseudonyms.pseudonyms import Pseudonyms
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.replay.replay import Scope
-from semmap_log.log.rewriting.new_numbers import NewNumbers, renamed
-from semmap_log.log.rewriting.rewritten_log import RewrittenLog
-from semmap_log.store.folder import LogFolder
-from semmap_log.store.header import LogInfo
-from semmap_log.store.reading.following import FollowedCommit
+from semmap_log.log import DoorLog, FollowedCommit, LogInfo, RewrittenLog, Scope
 
 ID_BYTES = 16
 TOLD_EVERY = 1000
@@ -58,9 +53,7 @@ def pseudonymous(
             made.finish()
         finally:
             made.close()
-        copied = LogFolder(path)
-        copied.path = Path("the copy without names")  # for messages
-        yield DoorLog(copied), names
+        yield made.read(Path("the copy without names")), names
 
 
 def _rewrite_log(

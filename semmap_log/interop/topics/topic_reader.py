@@ -22,7 +22,7 @@ from semmap_log.core.model.meaning import Presence
 from semmap_log.errors import UnknownDoorError, UnknownLevelError
 from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.interop.topics.topic_rules import RosMapping, Unknown
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from semmap_log.core.folds.rebasing import are_same
 from semmap_log.core.model import events as ev
 from semmap_log.core.model.doors import MAX_LEVEL, DoorId, DoorState
 from semmap_log.core.model.rigid_transform import yaw_of
@@ -23,7 +24,6 @@ from semmap_log.interop.formats.ros.ros_types import MessageType, decode_message
 from semmap_log.interop.topics import door_maps, topic_reader, topic_rules
 from semmap_log.interop.topics.lasers.laser_topics import LaserScans, RobotFrames, RobotPlaces
 from semmap_log.interop.topics.lasers.lasers import Lasers, RobotScan
-from semmap_log.log.door_log.rebasing import are_same
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,7 @@ import numpy as np
 from semmap_log.analysis.beliefs import best_time
 from semmap_log.analysis.beliefs.door_beliefs import LATER, NOW, default_estimator
 from semmap_log.analysis.probabilities.belief_fold import BeliefProjection, Beliefs, by_name
+from semmap_log.core.folds.door_index import resolve_door
 from semmap_log.core.folds.levels import DoorsPresent, only_doors
 from semmap_log.core.model.doors import MAX_DOOR_ID, Door, DoorId, DoorMap, DoorState
 from semmap_log.core.model.events import Retracted
@@ -35,8 +36,7 @@ from semmap_log.core.texts import counted
 from semmap_log.errors import UnknownDoorError
 from semmap_log.live.planners.parsed_questions import DOOR, ParsedQuestion, QuestionKind
 from semmap_log.live.planners.question_lines import Answer, Atom
-from semmap_log.log.door_log.door_index import resolve_door
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog
 
 
 class LikelyAnswers:

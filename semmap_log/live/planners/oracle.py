@@ -16,8 +16,9 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from semmap_log import errors
+from semmap_log.analysis.recorded_later import recorded_later, what_set
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.model.commits import Note
+from semmap_log.core.model.commits import Note, content_of
 from semmap_log.core.model.doors import DoorId, DoorMap, DoorState
 from semmap_log.core.model.events import DoorRemoved, DoorUpdated, Event, Retracted
 from semmap_log.core.model.meaning import Changed
@@ -26,11 +27,7 @@ from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.live.planners import door_view, parsed_questions
 from semmap_log.live.planners.question_lines import Answer, Value, as_word
 from semmap_log.live.ros.serving.door_server import when_ns
-from semmap_log.log.door_log.door_commands import content_of
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.log.door_log.recorded_later import recorded_later, what_set
-from semmap_log.log.replay.replay import Scope
+from semmap_log.log import DoorLog, DoorLogWriter, Scope
 
 LIKELY_QUESTIONS = {"BEST_TIME", "NEXT_DOOR"}
 

@@ -17,16 +17,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 from semmap_log import errors
-from semmap_log.core.model.commits import NO_CONTENT, Commit, Durability
+from semmap_log.core.model.commits import NO_CONTENT, POSES_WAIT_S, Commit, Durability, content_of
 from semmap_log.core.model.events import Retracted, RobotPose
 from semmap_log.core.texts import brief
 from semmap_log.interop.formats.json import event_json_reader
 from semmap_log.interop.formats.json.door_json import means_same
 from semmap_log.interop.formats.parsing.foreign_file import FileOrder
 from semmap_log.interop.formats.parsing.strict_json import load_object
-from semmap_log.log.door_log.appender import POSES_WAIT_S, Appended
-from semmap_log.log.door_log.door_commands import content_of
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.log import Appended, DoorLogWriter
 
 READ_BYTES = 2**16
 MAX_LINE_BYTES = 2**23

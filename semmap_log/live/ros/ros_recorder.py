@@ -27,8 +27,7 @@ from semmap_log.interop.topics.topic_reader import Known, TopicProblems
 from semmap_log.interop.topics.topic_rules import EXPECTED_TOPICS, RosMapping, TopicRule
 from semmap_log.interop.topics.translator import Translator
 from semmap_log.live.ros.ros_node import Received, RosNode
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.log import DoorLog, DoorLogWriter
 
 MOST_WAITING = 100_000
 """Messages; of a disk that is slower for so long the newest are dropped, and counted."""

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from semmap_log import errors
 from semmap_log.core.batches.columnar_events import ColumnarEvents
 from semmap_log.core.batches.event_batch import EventBatch
-from semmap_log.core.folds.early_events import EarlyEvents
+from semmap_log.core.folds.door_index import all_door_labels
+from semmap_log.core.folds.early_events import EarlyEvents, remedy
 from semmap_log.core.io.clock import KeptClock
-from semmap_log.core.model.commits import GIVEN_EVENTS, NO_CONTENT, Commit
+from semmap_log.core.model.commits import GIVEN_EVENTS, NO_CONTENT, POSES_WAIT_S, Commit
 from semmap_log.core.model.doors import ShownAsTable
 from semmap_log.core.model.events import Event, RobotPose
 from semmap_log.core.model.moments import SECOND_NS, format_local
@@ -30,13 +31,9 @@ from semmap_log.core.texts import counted
 from semmap_log.core.users_line import frames_of_ours
 from semmap_log.log.door_log.current_map import WAITING_POSES, Command, CurrentMap, ImportedCommit
 from semmap_log.log.door_log.known_past import Validator
-from semmap_log.log.door_log.summary import all_door_labels, remedy
 from semmap_log.log.replay.written_state import WrittenState
 from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.writing.writer_opening import OpenedLog
-
-POSES_WAIT_S = 1.0
-"""Robot poses join the next commit; without one, they are written after this time."""
 
 
 class Appender:

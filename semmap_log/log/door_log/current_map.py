@@ -20,20 +20,20 @@ from weakref import WeakMethod
 
 from semmap_log import errors
 from semmap_log.core.batches.event_batch import EventBatch, one_by_one
-from semmap_log.core.folds.door_map import DoorMapState
-from semmap_log.core.io.clock import believable_ns
-from semmap_log.core.model import doors
-from semmap_log.core.model.commits import NO_CONTENT, Commit, Note
-from semmap_log.core.model.events import ClassDefined, Event, RobotPose, is_whole_number
-from semmap_log.log.door_log.door_index import (
+from semmap_log.core.folds.door_index import (
     DoorIndex,
     ambiguous_removed,
     removed_by_name,
     resolve_door,
 )
+from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.folds.rebasing import are_same
+from semmap_log.core.io.clock import believable_ns
+from semmap_log.core.model import doors
+from semmap_log.core.model.commits import NO_CONTENT, Commit, Note
+from semmap_log.core.model.events import ClassDefined, Event, RobotPose, is_whole_number
+from semmap_log.core.model.local_clock import Time, happened_ns_of
 from semmap_log.log.door_log.known_past import KnownPast
-from semmap_log.log.door_log.queries import Time, happened_ns_of
-from semmap_log.log.door_log.rebasing import are_same
 from semmap_log.log.replay.written_state import WrittenState
 from semmap_log.store.gone_commands import StoredCommand
 from semmap_log.store.reading.reader import LogReader

@@ -3,7 +3,7 @@
 A repeated command is recognised by a digest of its words, since their meaning (a name, the next
 free id) may have changed meanwhile. The words, and their order, never change.
 
-Also the command that gives a level a new map, and the same as a dry run.
+Also the command that gives a level a new map.
 """
 
 from __future__ import annotations
@@ -15,29 +15,19 @@ from dataclasses import dataclass, replace
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.folds.rebasing import MapStates, MeasuredDoor, plan_rebase
 from semmap_log.core.model import events as ev
-from semmap_log.core.model.commits import NO_CONTENT
+from semmap_log.core.model.commits import content_of
 from semmap_log.core.model.doors import CLASS, DOOR, OUTLINE, Corners, DoorId, DoorState
 from semmap_log.core.model.meaning import PART_OF, Changed, changed
 from semmap_log.core.model.rigid_transform import RigidTransform
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CommandError
 from semmap_log.log.door_log import current_map
-from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.last_patrol import last_patrol
-from semmap_log.log.door_log.rebasing import MapStates, MeasuredDoor, RebasePlan, plan_rebase
 from semmap_log.log.replay.replay import Scope, replay
 from semmap_log.log.replay.state import kept_pin
 from semmap_log.store.reading.reader import LogReader
-
-
-def content_of(*words: object) -> bytes:
-    """Return the digest of what a command asks for, 16 bytes.
-
-    Args:
-        *words: Values whose `repr` says all about them.
-    """
-    return hashlib.sha256(repr(words).encode()).digest()[: len(NO_CONTENT)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -470,36 +460,6 @@ class RebaseMap(WordedCommand):
         states = MapStates(then, now.state, there, now.path)
         plan = plan_rebase(states, self.floor, self.by, measured, level=level)
         return list(plan.events(happened_ns))
-
-
-def rebase_plan(
-    log: DoorLog,
-    floor: ev.FloorMap,
-    by: RigidTransform,
-    measured: Mapping[DoorId, MeasuredDoor],
-    *,
-    level: int,
-    at_ns: int | None = None,
-    event: int | None = None,
-) -> RebasePlan:
-    """Return what `DoorLogWriter.rebase` would do to a log as it stands; nothing is written.
-
-    Args:
-        log: The log.
-        floor: The new map.
-        by: From the old map's frame to the new one's.
-        measured: Doors that were measured again, in the new map's frame.
-        level: The number of the level.
-        at_ns: When the new map comes; None: now.
-        event: Only events up to that number count; None: all.
-
-    Raises:
-        CommandError: As for `plan_rebase`.
-    """
-    now = log.state_in(Scope(event=event))
-    then = now if at_ns is None else log.state_in(Scope(at_ns=at_ns, event=event))
-    states = MapStates(then, now, log.floor_of(then.door_map(), level), log.path)
-    return plan_rebase(states, floor, by, measured, level=level)
 
 
 def _floor_event(state: DoorMapState, level: int) -> int | None:

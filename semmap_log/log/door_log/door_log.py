@@ -12,12 +12,14 @@ from __future__ import annotations
 import threading
 import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator
+from itertools import dropwhile
 from pathlib import Path, PurePath
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent, Retractions
 from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.folds.explanation import NEAR_NS
 from semmap_log.core.folds.projection import SAVE_EVERY_S, Projection
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import place_of
@@ -25,16 +27,10 @@ from semmap_log.core.late_answers import answer_of
 from semmap_log.core.model import events, moments
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import DOOR, DoorId, DoorMap, ObjectClass, ShownAsTable
+from semmap_log.core.model.local_clock import Time, check_time_unit, moment_of
 from semmap_log.core.texts import counted
 from semmap_log.errors import ClockTimeWarning, LogError, MomentError
-from semmap_log.log.door_log.queries import (
-    NEAR_NS,
-    LogQueries,
-    LogTables,
-    Time,
-    check_time_unit,
-    moment_of,
-)
+from semmap_log.log.door_log.queries import LogQueries, LogTables
 from semmap_log.log.replay.replay import Scope, replay, visible_batches
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
@@ -46,16 +42,14 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from semmap_log.core.folds.early_events import EarlyEvents
+    from semmap_log.core.folds.explanation import Explanation
     from semmap_log.core.folds.history import Diff, HistoryEntry
     from semmap_log.core.folds.timeline import Timeline
-    from semmap_log.log.door_log.explanation import Explanation
     from semmap_log.log.door_log.summary import LogSummary
     from semmap_log.log.replay.live_fold import LiveState
     from semmap_log.store.reading.commit_finder import CommitFinder
     from semmap_log.store.reading.following import FollowedCommit
     from semmap_log.store.reading.segment_reading import NoteFinder
-
-__all__ = ["DoorLog", "Time"]
 
 S = TypeVar("S")
 PIN = "pin:"
@@ -309,9 +303,12 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
             kinds=EVENT_BITS if kinds is None else kinds_mask(events.kinds_meant(kinds)),
         )
 
-    def commits(self) -> Iterator[Commit]:
-        """Yield all commits, in order, with their notes."""
-        return self._reader.commits()
+    def commits(self, first_event: int = 0) -> Iterator[Commit]:
+        """Yield the commits that have an event from that number on, in order, with their notes."""
+        if not first_event:
+            return self._reader.commits()
+        found = self._reader.commits(self._reader.segment_of(first_event) or 0)
+        return dropwhile(lambda commit: commit.last_event < first_event, found)
 
     def follow(
         self,
@@ -446,6 +443,14 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
     def find_commit(self, number: int) -> Commit | None:
         """Return the commit that holds an event, with its note; None: there is no such event."""
         return self._reader.find_commit(number)
+
+    def size(self) -> int:
+        """Return how many bytes its files have."""
+        return sum(segment.size for segment in self._reader.segments)
+
+    def is_live(self) -> bool:
+        """Return whether its last file is not closed yet: somebody is writing, or was cut off."""
+        return not self._reader.segments[-1].closed
 
     def happened_span(self) -> tuple[int, int] | None:
         """Return when its events happened, at the earliest and at the latest; None: it has none."""
@@ -836,7 +841,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
 
     def door_labels(self) -> dict[DoorId, str]:
         """Return the same for messages: level/name where several doors bear the name."""
-        from semmap_log.log.door_log.summary import all_door_labels
+        from semmap_log.core.folds.door_index import all_door_labels
 
         return all_door_labels(replay(self._reader, with_newer=True))
 

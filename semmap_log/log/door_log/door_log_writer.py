@@ -7,12 +7,14 @@ from types import MappingProxyType, TracebackType
 from typing import TYPE_CHECKING, Final, TypeAlias, TypedDict, TypeVar
 
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.door_index import DoorIndex
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model import events as ev
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Note
 from semmap_log.core.model.doors import NAN, DoorId, DoorMap, DoorState, Geometry, split_words
 from semmap_log.core.model.keywords import check_keywords
+from semmap_log.core.model.local_clock import Time
 from semmap_log.errors import InvalidEventError
 from semmap_log.log.door_log import current_map
 from semmap_log.log.door_log.appender import Appended, Appender
@@ -32,10 +34,8 @@ from semmap_log.log.door_log.door_commands import (
     door_meant,
     level_of,
 )
-from semmap_log.log.door_log.door_index import DoorIndex
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.door_log.known_past import KnownPast
-from semmap_log.log.door_log.queries import Time
 from semmap_log.log.replay.replay import Scope
 from semmap_log.log.replay.written_state import WrittenState
 from semmap_log.store.gone_commands import StoredCommand
@@ -305,9 +305,9 @@ class DoorLogWriter(DoorLog):
         without a place, and those of other levels, stay as they are.
 
         Args:
-            floor: The new map; `formats.files.map_server.read_map` reads a map_server's.
+            floor: The new map; `interop.formats.files.map_server.read_map` reads a map_server's.
             by: From the old map's frame to the new one's: (dx, dy, theta), metres and radians;
-                `door_log.map_fit.fit_maps` finds it from points that were measured in both.
+                `core.folds.rebasing.fit_maps` finds it from points that were measured in both.
             doors: Doors that were measured in the new map, (x, y, theta) or (x, y, theta, width):
                 there the transform does not count.
             level: Its number or name; None: the only one there is.
@@ -318,9 +318,9 @@ class DoorLogWriter(DoorLog):
             UnknownDoorError: A measured door is not known.
             UnknownLevelError: There is no such level, or there are several and none is given.
         """
+        from semmap_log.core.folds.rebasing import MeasuredDoor
         from semmap_log.core.model.rigid_transform import RigidTransform
         from semmap_log.log.door_log.door_commands import RebaseMap
-        from semmap_log.log.door_log.rebasing import MeasuredDoor
 
         transform = by if isinstance(by, RigidTransform) else RigidTransform(*by)
         measured = {door: MeasuredDoor(*at) for door, at in doors.items()}

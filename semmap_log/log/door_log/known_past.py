@@ -21,6 +21,7 @@ import numpy as np
 from semmap_log import errors
 from semmap_log.core.batches.columnar_events import ColumnarEvents
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds import door_index
 from semmap_log.core.folds.early_events import MAY_BE_EARLY, Addings, EarlyEvents
 from semmap_log.core.folds.history import HistoryEntry, history
 from semmap_log.core.folds.levels import only_level, told
@@ -32,7 +33,6 @@ from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import DoorState, is_given
 from semmap_log.core.model.meaning import PLACING, Changed
 from semmap_log.core.model.moments import format_local
-from semmap_log.log.door_log import door_index
 from semmap_log.store.pages import kinds_mask
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.reading.window import Window

@@ -11,7 +11,7 @@ from semmap_log.core.io.clock import Clock, SystemClock
 from semmap_log.core.io.url_path import local_path
 from semmap_log.core.model.commits import Durability, check_text
 from semmap_log.core.model.keywords import check_keywords
-from semmap_log.core.model.moments import MOST_HOLDS, USUAL_HOLDS, zone
+from semmap_log.core.model.moments import MOST_HOLDS, USUAL_HOLDS, machine_zone, zone
 from semmap_log.errors import InvalidEventError
 from semmap_log.log.door_log.door_log_writer import DoorLogWriter
 from semmap_log.log.replay.read_model.indexing import keep_up
@@ -24,8 +24,6 @@ from semmap_log.store.writing.writer_opening import OpenedLog, create_log, open_
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
-
-_LOCALTIME = Path("/etc/localtime")
 
 
 class FollowsWriter(Protocol):
@@ -132,21 +130,3 @@ def _environment(call: Callable[..., object], writing: WritingOptions) -> Enviro
     policy = DurabilityPolicy.of(given["durability"], given["batch_events"], given["batch_s"])
     clock = given["clock"] or SystemClock()
     return Environment(policy, clock, given["entropy"], given["compact"], keep_up)
-
-
-def machine_zone() -> str:
-    """Return the machine's IANA zone; UTC where it does not say."""
-    named = os.environ.get("TZ", "").lstrip(":")
-    try:
-        target = str(_LOCALTIME.readlink())
-    except OSError:
-        target = ""
-    linked = target.partition("zoneinfo/")[2]
-    for name in (named, linked):
-        if name:
-            try:
-                zone(name)
-            except ValueError:
-                continue
-            return name
-    return "UTC"

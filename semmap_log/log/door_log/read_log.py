@@ -38,3 +38,14 @@ def read(
     if isinstance(rest_at, Path):
         raise NotALogError(f"{with_url}: expected a URL of a store, such as s3://bucket/logs/tug1.")
     return DoorLog(LogReader(store_at(place_of(path), cache=kept, rest_at=rest_at)))
+
+
+def open_any(path: Path) -> DoorLog:
+    """Open a log's folder, or a single segment of one, for a look.
+
+    Raises:
+        NotALogError: It is neither.
+    """
+    if path.suffix == ".mcap":
+        return DoorLog(LogReader(path.parent, only=path))
+    return DoorLog(path)

@@ -1,8 +1,7 @@
-"""What doors are called in a message, so that nobody needs to guess which one is meant.
+"""A log's content in a page, for `info` and for whoever must judge its health.
 
-Also a log's content in a page, for `info` and for whoever must judge its health; what it holds, or
-may hold, about persons, for `info` and for whoever decides what is redacted; and doors with events
-from before they were added, and how to correct that.
+Also what it holds, or may hold, about persons, for `info` and for whoever decides what is redacted;
+and doors with events from before they were added, and how to correct that.
 
 A correction moves an adding to an earlier time: one commit retracts the DoorAdded and adds the door
 again, under its id, at the earlier time. Queries as known before still see the first.
@@ -10,41 +9,42 @@ again, under its id, at the earlier time. Queries as known before still see the 
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import groupby
-from pathlib import Path, PurePath
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent
+from semmap_log.core.folds.door_index import labels_of
 from semmap_log.core.folds.door_map import DoorMapState
-from semmap_log.core.folds.early_events import MAY_BE_EARLY, Addings, EarlyEvents
+from semmap_log.core.folds.early_events import (
+    MAY_BE_EARLY,
+    Addings,
+    EarlyEvents,
+    added_since,
+    remedy,
+)
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Commit, Durability, Note
-from semmap_log.core.model.doors import CLASS, Door, DoorId, DoorMap, DoorState, suspect_units
+from semmap_log.core.model.doors import CLASS, DoorId, DoorMap, suspect_units
 from semmap_log.core.model.events import (
     KINDS,
     ClassDefined,
     DoorAdded,
     DoorAnnotated,
     DoorEvent,
-    DoorUpdated,
     Event,
     FloorMap,
     LevelAdded,
     PatrolStarted,
     Retracted,
     RobotPose,
-    defaults_of,
 )
-from semmap_log.core.model.meaning import PART_OF, PLACING, changed
 from semmap_log.core.model.moments import SECOND_NS, format_local
-from semmap_log.core.texts import command_line, counted
+from semmap_log.core.texts import counted
 from semmap_log.log.replay.read_model.indexing import IndexState, index_state
 from semmap_log.log.replay.state import keyframe_at
 from semmap_log.store.clock_check import ClockCheck, SuspectCommit
@@ -199,48 +199,6 @@ def _wider(span: tuple[int, int] | None, times: NDArray[np.int64]) -> tuple[int,
     return (low, high) if span is None else (min(span[0], low), max(span[1], high))
 
 
-def open_any(path: Path) -> LogReader:
-    """Open a log's folder, or a single segment of one, for a look.
-
-    Raises:
-        NotALogError: It is neither.
-    """
-    if path.suffix == ".mcap":
-        return LogReader(path.parent, only=path)
-    return LogReader(path)
-
-
-def labels_of(door_map: DoorMap) -> dict[DoorId, str]:
-    """Return what to call each door of a map that has a name: see `distinct_labels`."""
-    doors = door_map.doors.values()
-    return distinct_labels((door, door_map.level_name(door.level)) for door in doors)
-
-
-def all_door_labels(state: DoorMapState) -> dict[DoorId, str]:
-    """Return the same, and the names of doors that were removed."""
-    return {**state.names(), **labels_of(state.door_map())}
-
-
-def distinct_labels(doors: Iterable[tuple[Door, str]]) -> dict[DoorId, str]:
-    """Return what to call each door that has a name, given the name of its level.
-
-    Its name; where several bear it level/name, as commands take it; where even that is another's,
-    with the id.
-    """
-    named = {door.door_id: (door.name, level) for door, level in doors if door.name}
-    bearers = Counter(name for name, _ in named.values())
-    on_level = Counter(named.values())
-    labels = {}
-    for door_id, (name, level) in named.items():
-        if bearers[name] == 1:
-            labels[door_id] = name
-        elif on_level[name, level] == 1:
-            labels[door_id] = f"{level}/{name}"
-        else:
-            labels[door_id] = f"{level}/{name} (id {door_id})"
-    return labels
-
-
 @dataclass(slots=True)
 class PersonalData:
     """Counts of what names somebody, says where a robot was, or is free text."""
@@ -303,12 +261,6 @@ def early_events(reader: LogReader) -> EarlyEvents:
     return found
 
 
-def remedy(log: PurePath) -> str:
-    """Return what to do about events from before their door was added."""
-    line = command_line("import", log, "--since-ever")
-    return f"if they were there already, say so: {line}"
-
-
 def before_first_ns(reader: LogReader) -> int | None:
     """Return a whole second before the earliest event; None: the log has none."""
     spans = [segment.span for segment in reader.segments if len(segment.chunks)]
@@ -355,26 +307,6 @@ def backdated(reader: LogReader, doors: Collection[DoorId], since_ns: int) -> li
             if isinstance(note.event, DoorAnnotated) and note.event.door_id == door_id
         ]
     return made
-
-
-def added_since(added: DoorAdded, since_ns: int | None) -> Iterator[Event]:
-    """Yield an adding at an earlier time, and what it says of the state at its own time."""
-    defaults = defaults_of(DoorAdded)
-    unsaid = {name: defaults[name] for name, part in PART_OF.items() if not part & PLACING}
-    yield replace(added, happened_ns=since_ns, **unsaid)
-    said = {name: getattr(added, name) for name in unsaid}
-    told = {name: value for name, value in said.items() if _is_reported(value)}
-    if told:
-        yield DoorUpdated(
-            happened_ns=added.happened_ns,
-            door_id=added.door_id,
-            changed=changed(told),
-            **told,
-        )
-
-
-def _is_reported(value: Any) -> bool:
-    return value is not DoorState.UNKNOWN and not math.isnan(value)
 
 
 def _notes_with(reader: LogReader, addings: Iterable[RecordedEvent]) -> list[RecordedEvent]:

@@ -17,12 +17,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent
+from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent, happened_by
 from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.folds.projection import SAVE_EVERY_S, Projection
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Note
-from semmap_log.core.model.events import Retracted
 from semmap_log.log.replay.running import RunningFold
 from semmap_log.log.replay.state import Checkpoint, Position, last_writes, state_at
 from semmap_log.store.reading.following import FollowedCommit, commits_after
@@ -146,11 +145,6 @@ def kept_commits(
         if at_ns is not None:
             batch = happened_by(batch, at_ns)
         yield followed if batch is followed.batch else FollowedCommit(followed.commit, batch)
-
-
-def happened_by(batch: EventBatch, at_ns: int) -> EventBatch:
-    """Return events that had happened by a moment, and retractions, which count whenever made."""
-    return batch.select((batch.folds_ns <= at_ns) | (batch.kind == Retracted.kind))
 
 
 def _all_kept(reader: LogReader) -> Iterator[FollowedCommit]:

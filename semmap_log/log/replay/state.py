@@ -48,6 +48,7 @@ from numpy.typing import NDArray
 from semmap_log import errors
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent, Retractions
 from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.folds.plain_state import dump_plain, load_plain
 from semmap_log.core.folds.projection import Dumping, Projection, name_of, version_of
 from semmap_log.core.folds.registers import NEVER
 from semmap_log.core.io.disk import (
@@ -64,7 +65,6 @@ from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.meaning import PARTS, REGISTER_OF
 from semmap_log.core.texts import counted
 from semmap_log.log.replay import keyframes
-from semmap_log.log.replay.plain_state import dump_plain, load_plain
 from semmap_log.store.header import TrimReason
 from semmap_log.store.pages import EVENT_BITS, KEYFRAME_BIT, kinds_mask
 from semmap_log.store.reading.reader import BEGINNING, ChunkPlace, LogReader

@@ -63,7 +63,6 @@ from semmap_log.store.reading.reader import LogReader
 
 WITHIN_S = 60.0
 """So long an authority has to answer, with all that is read of it."""
-_SCHEMES = ("http://", "https://")
 _TYPE = "application/timestamp-query"
 
 
@@ -75,6 +74,11 @@ class Stamped:
     """The statement."""
     time: str
     """ISO-8601, UTC, as the authority states it."""
+
+    @property
+    def file(self) -> Path:
+        """Where the time stamp lies."""
+        return token_file(self.path)
 
 
 def stamp_newest(log: Path, key: SigningKey, url: str) -> Stamped | None:
@@ -128,11 +132,6 @@ def token_file(statement: Path) -> Path:
     return statement.with_name(statement.name + TOKEN)
 
 
-def is_url(text: str) -> bool:
-    """Return whether it is a URL that can be queried."""
-    return text.startswith(_SCHEMES)
-
-
 def _stamp(one: SignedStatement, url: str) -> Stamped:
     digest = bytes.fromhex(one.digest)
     wanted, nonce = query(digest)
@@ -181,7 +180,7 @@ def _answer(url: str, wanted: bytes) -> bytes:
 
 
 def _post(url: str, wanted: bytes) -> bytes:
-    request = urllib.request.Request(url, data=wanted, headers={"Content-Type": _TYPE})  # noqa: S310 - is_url
+    request = urllib.request.Request(url, data=wanted, headers={"Content-Type": _TYPE})  # noqa: S310 - is_http
     try:
         with urllib.request.urlopen(request, timeout=WITHIN_S) as response:  # noqa: S310
             data: bytes = response.read(MOST_BYTES + 1)

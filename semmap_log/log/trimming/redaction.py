@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -132,12 +133,13 @@ class Redaction:
     always_has_horizon = False
 
     @classmethod
-    def of(cls, reader: LogReader, parts: Sequence[Part], before: int) -> Redaction:
+    def of(cls, log: Path | LogReader, parts: Sequence[Part], before: int) -> Redaction:
         """Return what is redacted in the events of a log below a number.
 
         Raises:
             LogError: What makes an object what it is: without that, it would be a door.
         """
+        reader = log if isinstance(log, LogReader) else LogReader(log)
         kept = [p for p in parts if isinstance(p, Annotation) and p.key in (CLASS, OUTLINE)]
         defining = Window(kinds=kinds_mask([ClassDefined]))
         if kept and any(len(batch) for batch in reader.batches(defining)):

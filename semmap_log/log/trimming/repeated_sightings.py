@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,14 +45,14 @@ class Thinning:
     horizon = 0
     always_has_horizon = False
 
-    def __init__(self, reader: LogReader, until_ns: int) -> None:
+    def __init__(self, log: Path | LogReader, until_ns: int) -> None:
         """Look how far the log is thinned.
 
         Args:
-            reader: Of the log.
+            log: Its folder; or what reads it.
             until_ns: What was recorded before this moment may go.
         """
-        self._reader = reader
+        reader = self._reader = log if isinstance(log, LogReader) else LogReader(log)
         self._until_ns = until_ns
         self.before = reader.event_known_at(max(until_ns, reader.horizon_ns)) + 1
         """Number of the first event that stays."""

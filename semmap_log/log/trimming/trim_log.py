@@ -197,20 +197,20 @@ class Retention:
     reason = TrimReason.EXPIRED
 
     def __init__(
-        self, reader: LogReader, until_ns: int, *, always_has_horizon: bool = False
+        self, log: Path | LogReader, until_ns: int, *, always_has_horizon: bool = False
     ) -> None:
         """Look how far the horizon can be moved.
 
         Args:
-            reader: Of the log.
+            log: Its folder; or what reads it.
             until_ns: What was recorded before this moment may go.
             always_has_horizon: Let the horizon move though nothing goes: the log has never known
                 all of what was before.
         """
         self.always_has_horizon = always_has_horizon
-        self._reader = reader
+        self._reader = log if isinstance(log, LogReader) else LogReader(log)
         self._until_ns = until_ns
-        found = _horizon(reader, until_ns)
+        found = _horizon(self._reader, until_ns)
         self.horizon, self._held_by = found.event, found.held_by
         self._state_events = state_events(found.state)
 

@@ -24,6 +24,7 @@ from semmap_log.core.io.disk import sync_folder
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.core.io.virtual_logs import check_not_virtual
+from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
 from semmap_log.core.texts import command_line
 from semmap_log.store import byte_layout
 from semmap_log.store.bag_metadata import write_bag_metadata
@@ -314,7 +315,7 @@ def _not_copied(folder: LogFolder) -> tuple[str, ...]:
 def _is_of_log(name: str) -> bool:
     return (
         (name.endswith((".mcap", byte_layout.KEPT_SUFFIX)) and not name.startswith("."))
-        or name in (byte_layout.BAG_METADATA_NAME, byte_layout.REMOVED_NAME, byte_layout.LOCK_NAME)
+        or name in (BAG_METADATA_NAME, byte_layout.REMOVED_NAME, byte_layout.LOCK_NAME)
         or byte_layout.is_mark_name(name)
         or byte_layout.is_temporary(name)
     )

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from semmap_log.core.io.byte_source import ByteSource
 from semmap_log.core.lazily import computed_once
+from semmap_log.core.messages.rosbag2 import PROFILE
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogError, NewerLogError, NotALogError
 from semmap_log.store import records as mcap
-from semmap_log.store.byte_layout import LOG_METADATA, MANIFEST_NAME, PROFILE
+from semmap_log.store.byte_layout import LOG_METADATA, MANIFEST_NAME
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import OtherVersionError, SegmentHeader
 from semmap_log.store.newer import Newer

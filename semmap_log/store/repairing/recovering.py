@@ -27,13 +27,13 @@ from pathlib import Path
 from semmap_log.core.io.clock import Clock, SystemClock
 from semmap_log.core.io.disk import TEMPORARY_SUFFIX, sync_folder
 from semmap_log.core.io.virtual_logs import check_not_virtual
+from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
 from semmap_log.core.model.commits import Note
 from semmap_log.core.model.events import Event, LogExported
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, LogExistsError
 from semmap_log.store.bag_metadata import ClosedSegment, write_bag_metadata
 from semmap_log.store.byte_layout import (
-    BAG_METADATA_NAME,
     FLOOR_MAP_CHANNEL,
     LOCK_NAME,
     NO_HASH,

@@ -12,6 +12,7 @@ from pathlib import PurePath
 from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
 
+from semmap_log.core.messages.rosbag2 import LIBRARY, PROFILE
 from semmap_log.errors import LogAccessError, LogError, NewerLogError
 from semmap_log.store import byte_layout
 from semmap_log.store import records as mcap
@@ -110,9 +111,7 @@ def bytes_of(place: FilePlace, file: SegmentFile) -> Iterator[FileBytes]:
 @cache
 def first_bytes() -> bytes:
     """Return the bytes with which every segment begins: magic and Header."""
-    return mcap.MAGIC + mcap.record(
-        Header(profile=byte_layout.PROFILE, library=byte_layout.LIBRARY)
-    )
+    return mcap.MAGIC + mcap.record(Header(profile=PROFILE, library=LIBRARY))
 
 
 def _is_ours(head: bytes) -> bool:

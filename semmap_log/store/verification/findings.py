@@ -12,6 +12,7 @@ from enum import IntEnum
 from pathlib import Path, PurePath
 
 from semmap_log.core.io.disk import TEMPORARY_SUFFIX
+from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogAccessError
 from semmap_log.store import byte_layout
@@ -145,7 +146,7 @@ def bag_metadata_findings(found: FolderFiles, closed: list[ClosedSegment] | None
         found: The log's files.
         closed: What their own bytes say of the closed segments; None: not all can be read.
     """
-    listing = byte_layout.BAG_METADATA_NAME
+    listing = BAG_METADATA_NAME
     path, text = found.folder / listing, found.place.bag_metadata()
     findings: list[Finding] = []
     if text is None:

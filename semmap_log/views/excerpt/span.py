@@ -19,13 +19,11 @@ from semmap_log.core.folds.door_map import DoorMapState
 from semmap_log.core.model.doors import DoorId, DoorMap
 from semmap_log.core.model.events import FloorMap
 from semmap_log.core.model.moments import check_ordered
-from semmap_log.log.door_log.clock_warnings import warn_of_clock
-from semmap_log.log.replay.replay import Scope
-from semmap_log.store.pages import kinds_mask
-from semmap_log.store.reading.window import Window
+from semmap_log.log import Scope, Window, kinds_mask, warn_of_clock
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log import DoorLog, Time
+    from semmap_log.core.model.local_clock import Time
+    from semmap_log.log import DoorLog
 
 
 MOST_PLANS = 20

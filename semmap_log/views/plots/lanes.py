@@ -26,7 +26,8 @@ from semmap_log.views.zone_times import MS_NS, Span, zone_offsets
 
 if TYPE_CHECKING:
     from semmap_log.core.io.progress import Progress
-    from semmap_log.log.door_log.door_log import DoorLog, Time
+    from semmap_log.core.model.local_clock import Time
+    from semmap_log.log import DoorLog
 
 WIDE_IN = 10.0
 TALL_LANE_IN, LOW_LANE_IN = 0.28, 0.15

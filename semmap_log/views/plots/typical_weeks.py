@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from semmap_log.analysis.beliefs.door_beliefs import By, TypicalWeek, WeekPattern
 from semmap_log.analysis.probabilities.evidence.coverage import DAY_NAMES, DAYS, HOURS
 from semmap_log.analysis.probabilities.forecast import INTERVAL
+from semmap_log.core.folds.door_index import distinct_labels
 from semmap_log.core.model.moments import format_short
 from semmap_log.core.texts import counted
-from semmap_log.log.door_log.summary import distinct_labels
 from semmap_log.views.belief_words import why_unknown
 from semmap_log.views.event_words import HasShape, drawable_name, printable
 from semmap_log.views.palette import COLOUR_MAP, PLOT_CURVE, PLOT_HATCH, PLOT_NOTHING

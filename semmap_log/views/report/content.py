@@ -22,14 +22,11 @@ import numpy as np
 from semmap_log.analysis.beliefs import door_beliefs
 from semmap_log.core.folds.history import ROUND_KINDS, HistoryEntry, history, rounds
 from semmap_log.core.folds.levels import levels_of
+from semmap_log.core.folds.renumbering import robots_of
 from semmap_log.core.io.disk import log_name
 from semmap_log.core.model.doors import DoorId, DoorMap, DoorState, ObjectClass
 from semmap_log.core.model.moments import format_local, zone
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.robot_names import robots_of
-from semmap_log.log.door_log.summary import LogSummary
-from semmap_log.log.replay.replay import Scope
-from semmap_log.store.reading.window import Window
+from semmap_log.log import DoorLog, LogSummary, Scope, Window
 from semmap_log.views.belief_words import why_unknown
 from semmap_log.views.costmap_picture import without_level
 from semmap_log.views.event_words import reported_state, words_of
@@ -58,7 +55,7 @@ from semmap_log.views.tail_lines import LATE_NS
 from semmap_log.views.zone_times import DAY_MS, MS_NS, Span, first_ms, how_to_begin, zone_offsets
 
 if TYPE_CHECKING:
-    from semmap_log.log.door_log.door_log import Time
+    from semmap_log.core.model.local_clock import Time
 
 
 MARGIN_MS = 8 * DAY_MS
@@ -154,7 +151,7 @@ def report_data(
         ],
         "track": track.runs,
         "trackRobots": track.robots,
-        "robots": list(robots_of(log.info)),
+        "robots": list(robots_of(log.info.robot)),
         "trackWithin": round(track.within_m, 2),
         "rounds": rounds_of(log, span),
         "changes": changes_of(log, found.told, told, span),

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds import door_changes
+from semmap_log.core.folds.renumbering import robots_of, robots_of_poses
 from semmap_log.core.folds.timeline import Timeline
 from semmap_log.core.model.doors import Door, DoorId, DoorState
 from semmap_log.core.model.events import (
@@ -31,7 +32,6 @@ from semmap_log.core.model.events import (
     RobotPose,
 )
 from semmap_log.core.model.meaning import Changed, Presence
-from semmap_log.log.door_log.robot_names import robots_of, robots_of_poses
 from semmap_log.views.excerpt import door_rows
 from semmap_log.views.excerpt.span import Excerpt
 from semmap_log.views.zone_times import MS_NS, Span
@@ -412,7 +412,7 @@ class PageEvents:
 
 def gather(excerpt: Excerpt, progress: Callable[[int, int], None] | None = None) -> PageEvents:
     """Read the events of an excerpt."""
-    reading = _Reading(robots_of(excerpt.log.info))
+    reading = _Reading(robots_of(excerpt.log.info.robot))
     for batch in excerpt.happened(progress):
         reading.take(batch)
     return reading.page_events()

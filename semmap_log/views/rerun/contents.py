@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_changes import THERE, Changes, Stamp, door_changes, of_presence
 from semmap_log.core.folds.levels import levels_of
+from semmap_log.core.folds.renumbering import robots_of
 from semmap_log.core.model.doors import Door, DoorId, DoorMap
 from semmap_log.core.model.events import DoorAnnotated, RobotPose
 from semmap_log.core.model.meaning import FIELDS, Changed, Presence
-from semmap_log.log.door_log.robot_names import robots_of
-from semmap_log.log.replay.replay import Scope
+from semmap_log.log import Scope
 from semmap_log.views.bounds import Bounds, bounds_of_floor
 from semmap_log.views.costmap_picture import without_level
 from semmap_log.views.excerpt import door_rows
@@ -79,7 +79,7 @@ class RecordingContents:
             levels=levels,
             home_of_0=home,
             robot_level=home if robot_level == 0 else robot_level,
-            robots=robots_of(self._excerpt.log.info),
+            robots=robots_of(self._excerpt.log.info.robot),
             events=pass_.events,
             commits=np.concatenate([np.empty(0, np.int64), *pass_.commits]),
             begin=pass_.begin,

@@ -27,10 +27,10 @@ from semmap_log.core.io.progress import Progress
 from semmap_log.core.model import events
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.local_clock import Time
 from semmap_log.core.model.meaning import Changed, Presence
 from semmap_log.errors import ViewerError
-from semmap_log.log.door_log.door_log import DoorLog, Time
-from semmap_log.store.reading.following import FollowedCommit
+from semmap_log.log import DoorLog, FollowedCommit
 from semmap_log.views.bounds import Bounds
 from semmap_log.views.excerpt.span import NO_PLANS, Excerpt
 from semmap_log.views.palette import DEFAULT, Palette

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.renumbering import robots_of_poses
 from semmap_log.core.model.events import FloorMap, RobotPose
-from semmap_log.log.door_log.robot_names import robots_of_poses
 from semmap_log.views.excerpt.span import PLAN, PlanEra, Stamps
 from semmap_log.views.palette import Palette, packed
 from semmap_log.views.rerun.rerun_sdk import rr

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from semmap_log.core.model.doors import DoorId
-from semmap_log.store.reading.window import Window
+from semmap_log.log import Window
 from semmap_log.views.excerpt.door_rows import RecordingEdge
 from semmap_log.views.excerpt.span import Excerpt
 

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 
 import semmap_log as sl
 from semmap_log.analysis.beliefs import explain, probabilities
+from semmap_log.core.folds.explanation import Explanation, StateReason
 from semmap_log.errors import SemmapError, UnknownDoorError
 from semmap_log.interop.exporting.log_files import write_event_lines
-from semmap_log.log.door_log.explanation import Explanation, StateReason
 from semmap_log.log.replay.replay import Scope
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "tools"))

@@ -13,6 +13,7 @@ import pytest
 import semmap_log as sl
 from semmap_log.cli import main
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.renumbering import robots_of, robots_of_poses
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.core.model.doors import DoorId
 from semmap_log.core.model.events import (
@@ -27,7 +28,6 @@ from semmap_log.core.model.events import (
 from semmap_log.errors import CorruptLogError, FormatError, LogAccessError, LogError, NewerLogError
 from semmap_log.fleet.join import joined_logs, joining_logs
 from semmap_log.fleet.shipping import ship
-from semmap_log.log.door_log.robot_names import robots_of, robots_of_poses
 from semmap_log.log.replay.maintenance import recover, verify
 from semmap_log.store.reading.segment_scan import open_segment
 from tests.fleet.join.some_robots import (
@@ -52,7 +52,7 @@ def test_doors_of_one_name_are_one_and_the_rest_say_whose_they_are(tmp_path: Pat
     assert ["front", "tug1/store", "tug2/depot"] == sorted(doors)
     assert ("CLOSED", 1.0) == (doors["front"].state.name, doors["front"].x)
     assert not doors["tug2/depot"].is_placed
-    assert ("tug1", "tug2") == robots_of(log.info)
+    assert ("tug1", "tug2") == robots_of(log.info.robot)
     assert {"tug1", "tug2", "tug2/camera"} == {entry.source for entry in log.history()}
     assert {"tug1", "tug2"} == {entry.actor for entry in log.history()}
     assert ["tug1", "tug2", "tug2/camera"] == sorted(
@@ -77,7 +77,7 @@ def test_a_frame_turns_and_shifts(tmp_path: Path) -> None:
     assert math.pi / 2 == pytest.approx(depot.theta)
     assert (8.0, 20.0) == pytest.approx((front.x, front.y))
     assert (10.0, 21.0, 0.5 + math.pi / 2) == pytest.approx((pose["x"], pose["y"], pose["theta"]))
-    assert [1] == robots_of_poses(batch, robots_of(joined.info)).tolist()
+    assert [1] == robots_of_poses(batch, robots_of(joined.info.robot)).tolist()
     assert [] == list(sl.join([tug1, tug2]).batches(kinds=[RobotPose]))
 
 

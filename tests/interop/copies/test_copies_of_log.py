@@ -130,7 +130,7 @@ def copies_by_kind(found: list[Copy], kind: str) -> list[Copy]:
 def redaction(log: Path, *parts: Part, before: int | None = None) -> Going:
     reader = LogReader(log)
     end = sl.read(log).last_event() + 1
-    return Going.of(Redaction.of(reader, parts, end if before is None else before), reader)
+    return Going.of(Redaction.of(reader, parts, end if before is None else before), sl.read(log))
 
 
 def kept(log: Path) -> list[tuple[float, list[float]]]:

@@ -13,6 +13,8 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds import door_index
+from semmap_log.core.folds.door_index import DoorIndex
 from semmap_log.core.model.doors import Door, DoorId, DoorMap, Level
 from semmap_log.core.model.events import DoorAdded, DoorObserved, DoorRemoved, DoorUpdated, Event
 from semmap_log.core.model.meaning import Changed
@@ -21,8 +23,6 @@ from semmap_log.interop.importing import importing_lines
 from semmap_log.interop.importing.import_plan import Present, weight_of
 from semmap_log.interop.importing.importing_lines import plan_event_lines
 from semmap_log.interop.importing.line_commits import LineReader
-from semmap_log.log.door_log import door_index
-from semmap_log.log.door_log.door_index import DoorIndex
 from semmap_log.log.door_log.known_past import EarlyCounter
 from semmap_log.store.reading import live_scan
 from tests.interop.importing.nothing_stored import NothingStored, lines_of

@@ -21,6 +21,7 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.explanation import Explanation
 from semmap_log.core.folds.history import HistoryEntry
 from semmap_log.core.folds.projection import Projection
 from semmap_log.core.model.doors import DoorState
@@ -32,7 +33,6 @@ from semmap_log.core.model.events import (
     RobotPose,
 )
 from semmap_log.errors import HorizonError, HorizonWarning
-from semmap_log.log.door_log.explanation import Explanation
 from semmap_log.log.replay.read_model.indexing import index
 from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store.reading.reader import LogReader

@@ -16,6 +16,13 @@ from struct import Struct, unpack_from
 from typing import Any, BinaryIO, Protocol
 from zlib import crc32
 
+from semmap_log.core.messages.rosbag2 import (
+    LIBRARY,
+    PROFILE,
+    TRANSIENT_LOCAL,
+    VOLATILE,
+    offered_qos,
+)
 from semmap_log.core.texts import command_line
 from semmap_log.errors import FormatError
 from semmap_log.interop.formats.bags.unpacking import (
@@ -41,7 +48,6 @@ from semmap_log.interop.formats.ros.ros_types import (
     ros_types,
     whole_topic,
 )
-from semmap_log.store.byte_layout import LIBRARY, PROFILE, TRANSIENT_LOCAL, VOLATILE, offered_qos
 
 CHUNK_BYTES = 4 * 2**20
 """A grid in a chunk with those before it costs little more than what changed; but to show one, a

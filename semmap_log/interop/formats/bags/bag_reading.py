@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from semmap_log.core.io.disk import atomic_file, atomic_folder, output_errors
+from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
 from semmap_log.errors import FormatError
 from semmap_log.interop.formats.bags.bag_protocol import (
     BagChannel,
@@ -39,7 +40,6 @@ from semmap_log.interop.formats.parsing.problems import shown
 from semmap_log.interop.formats.parsing.strict_yaml import Mapping, Node, Scalar, parse_yaml
 from semmap_log.interop.formats.parsing.strict_yaml import Sequence as YamlList
 from semmap_log.interop.formats.ros.ros_types import RosVersion, encoded, ros_types
-from semmap_log.store.byte_layout import BAG_METADATA_NAME
 
 READABLE_BAGS = ".bag (ROS 1), a rosbag2 folder, .db3, .mcap"
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import yaml
 
+from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic, NewBag, mcap_bag, qos_of
 from semmap_log.interop.formats.ros.ros_types import RosVersion, ros_types
-from semmap_log.store.byte_layout import BAG_METADATA_NAME
 
 
 @contextmanager

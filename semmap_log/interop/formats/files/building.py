@@ -22,6 +22,7 @@ from itertools import count
 from pathlib import Path
 
 from semmap_log.analysis.rooms.room_graph import LIFT
+from semmap_log.core.folds.rebasing import PointPair
 from semmap_log.core.model.doors import MAX_LEVEL, Level
 from semmap_log.errors import FormatError, UnknownDoorError
 from semmap_log.interop.formats.files.building_frame import align_levels, reference_level
@@ -34,7 +35,6 @@ from semmap_log.interop.formats.parsing.foreign_file import numbered_lines
 from semmap_log.interop.formats.parsing.problems import Problems, shown
 from semmap_log.interop.formats.parsing.strict_yaml import Mapping, Node, Scalar, load_yaml
 from semmap_log.interop.formats.parsing.text_column import meant
-from semmap_log.log.door_log.rebasing import PointPair
 
 PIXELS = "reference_image"
 METRES = "cartesian_meters"

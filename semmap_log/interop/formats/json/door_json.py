@@ -42,8 +42,8 @@ from semmap_log.core.model.moments import SECOND_NS, format_utc
 from semmap_log.core.model.rules import Nanoseconds, Rule
 
 if TYPE_CHECKING:
+    from semmap_log.analysis.day import Day
     from semmap_log.core.folds.timeline import Hold, Interval, Timeline
-    from semmap_log.log.door_log.day import Day
 
 
 def door_map_to_json(door_map: DoorMap) -> dict[str, Any]:

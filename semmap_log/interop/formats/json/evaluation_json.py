@@ -17,10 +17,10 @@ from semmap_log.analysis.probabilities.sensors.sensor_doubts import SensorDoubt
 from semmap_log.analysis.probabilities.sensors.sensor_shares import Seen
 from semmap_log.analysis.rooms.level_rooms import RoomPlan
 from semmap_log.analysis.rooms.room_graph import Doorway, Room
+from semmap_log.core.folds.rebasing import MapFit, MovedDoor, RebasePlan
 from semmap_log.core.model.doors import Door, DoorId
 from semmap_log.core.model.moments import SECOND_NS
 from semmap_log.interop.formats.json.door_json import door_map_to_json
-from semmap_log.log.door_log.rebasing import MapFit, MovedDoor, RebasePlan
 
 
 def evaluation_to_json(

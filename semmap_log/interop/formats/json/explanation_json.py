@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from semmap_log.analysis.beliefs.door_beliefs import DoorBelief
+from semmap_log.core.folds.explanation import Explanation, StateReason
 from semmap_log.core.folds.history import HistoryEntry
 from semmap_log.core.model.moments import format_utc
 from semmap_log.interop.formats.json.beliefs_json import belief_to_json
 from semmap_log.interop.formats.json.door_json import entry_to_json
-from semmap_log.log.door_log.explanation import Explanation, StateReason
 
 
 def explanation_to_json(told: Explanation) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from semmap_log.core.model.doors import Door
 from semmap_log.core.model.moments import SECOND_NS, format_utc
 from semmap_log.interop.formats.json.beliefs_json import ROUNDED
 from semmap_log.interop.formats.json.door_json import door_map_to_json
-from semmap_log.log.replay.replay import Scope
+from semmap_log.log import Scope
 
 
 def plan_to_json(plan: PatrolPlan) -> dict[str, Any]:

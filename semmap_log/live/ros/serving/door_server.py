@@ -17,13 +17,12 @@ from typing import Any
 from semmap_log import errors
 from semmap_log.core.folds.levels import resolve_level
 from semmap_log.core.model import events as ev
-from semmap_log.core.model.commits import Note
+from semmap_log.core.model.commits import Note, content_of
 from semmap_log.core.model.doors import Door, DoorId, DoorMap
 from semmap_log.core.model.meaning import Changed
 from semmap_log.live.ros.ros_node import Goal, Outcome
 from semmap_log.live.ros.serving import saving
-from semmap_log.log.door_log.door_commands import content_of
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
+from semmap_log.log import DoorLogWriter
 
 ACTIONS = ("AddDoor", "UpdateDoor", "RemoveDoor", "SaveDoorDB")
 

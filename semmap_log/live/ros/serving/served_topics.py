@@ -30,7 +30,7 @@ from semmap_log.interop.formats.bags.bag_protocol import BagTopic, NewBag
 from semmap_log.interop.formats.ros import ros_types
 from semmap_log.interop.formats.ros.door_messages import DoorMarkers, ThesisMessages
 from semmap_log.live.ros.ros_node import Publisher, RosNode
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog
 from semmap_log.views.palette import DEFAULT, Palette
 
 DOOR_DB = BagTopic("lta_semantic_map_door_db", ros_types.DOOR_MAP, is_latched=True)

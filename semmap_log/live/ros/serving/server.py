@@ -33,7 +33,7 @@ from semmap_log.interop.formats.ros.ros_types import GRID, GRID_UPDATE
 from semmap_log.live.ros.ros_node import Goal, Outcome, RosNode, action_name
 from semmap_log.live.ros.serving import served_topics
 from semmap_log.live.ros.serving.door_server import ACTIONS
-from semmap_log.log.door_log.door_log import DoorLog
+from semmap_log.log import DoorLog
 from semmap_log.views.palette import DEFAULT, Palette
 
 

@@ -24,10 +24,7 @@ from semmap_log.interop.importing import importing
 from semmap_log.interop.importing.import_plan import differences
 from semmap_log.live.ros.ros_node import Goal, Outcome
 from semmap_log.live.ros.serving.door_server import RESULTS, SAVED_FORMAT
-from semmap_log.log.door_log.door_log import DoorLog
-from semmap_log.log.door_log.door_log_writer import DoorLogWriter
-from semmap_log.log.replay.replay import Scope
-from semmap_log.store.reading.following import FollowedCommit
+from semmap_log.log import DoorLog, DoorLogWriter, FollowedCommit, Scope
 
 MOST_SAVES = 20
 """So many of the last files that were saved are compared."""

@@ -1,4 +1,8 @@
-"""Writes a log's commits as a new one."""
+"""Writes the commits of a log, or of several, as a new one.
+
+The ordinary writer makes it, at the times of their recording. The caller decides what becomes of
+an event: `fleet.join`, `pseudonyms`.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +13,13 @@ from typing import Any
 import numpy as np
 
 from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.folds.renumbering import NextPlace, begins_ns
 from semmap_log.core.io.clock import KeptClock
 from semmap_log.core.model.commits import Commit, Durability, Note
+from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.replay.written_state import WrittenState
-from semmap_log.log.rewriting.new_numbers import NextPlace, begins_ns
 from semmap_log.log.trimming.trim_log import Retention, trim_log
+from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import LogInfo
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing.durability import DurabilityPolicy
@@ -88,6 +94,12 @@ class RewrittenLog:
     def close(self) -> None:
         """Close it as it is."""
         self._writer.close()
+
+    def read(self, shown: Path) -> DoorLog:
+        """Open it for reading, once it is finished; messages show that path in place of its own."""
+        folder = LogFolder(self._folder)
+        folder.path = shown
+        return DoorLog(folder)
 
     def finish(self) -> None:
         """Close it, and leave out what was before its horizon, if it has one."""

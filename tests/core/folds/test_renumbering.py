@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from semmap_log.core.folds.renumbering import NewNumbers, renamed
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorRemoved, Retracted, SightingsThinned
-from semmap_log.log.rewriting.new_numbers import NewNumbers, renamed
 
 COUNT = 40
 

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from semmap_log.core.folds.plain_state import dump_plain, load_plain
 from semmap_log.core.model.doors import DoorState
 from semmap_log.errors import CheckpointError
-from semmap_log.log.replay.plain_state import dump_plain, load_plain
 
 KEYS = st.none() | st.booleans() | st.integers() | st.text() | st.binary() | st.floats()
 PLAIN = st.recursive(

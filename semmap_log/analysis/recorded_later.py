@@ -6,16 +6,14 @@ Also what made a door's state what it was at a moment, by what was known at some
 from __future__ import annotations
 
 from semmap_log.core.folds.door_map import DoorMapState
+from semmap_log.core.folds.early_events import remedy as remedy_of_early
+from semmap_log.core.folds.explanation import StateReason
 from semmap_log.core.folds.history import HistoryEntry
 from semmap_log.core.folds.timeline import timeline
 from semmap_log.core.model.doors import DoorId
+from semmap_log.core.model.local_clock import Time
 from semmap_log.core.model.moments import Moment, format_local
-from semmap_log.log.door_log.door_log import DoorLog, Time
-from semmap_log.log.door_log.explanation import StateReason
-from semmap_log.log.door_log.summary import remedy as remedy_of_early
-from semmap_log.log.replay.read_model.events_about import about
-from semmap_log.log.replay.replay import Scope
-from semmap_log.store.reading.window import Window
+from semmap_log.log import DoorLog, Scope, Window
 
 AT_ALONE = 'with all that is known today, ask --at "{then}" alone'
 """What to do about it when a map is requested; `{then}` is the moment."""
@@ -54,9 +52,10 @@ def recorded_later(
         recorded_from_ns=None if known.ns is None else known.ns + 1,
         first_event=None if known.event is None else known.event + 1,
     )
-    doors = None if door is None else [door]
-    told = (about(batch, doors) for batch in log.batches_in(window))
-    first = next((batch for batch in told if len(batch)), None)
+    batches = log.batches_in(window)
+    if door is not None:
+        batches = (batch.select(batch.of_doors([door])) for batch in batches)
+    first = next((batch for batch in batches if len(batch)), None)
     if first is None:
         return ""
     recorded = format_local(int(first.recorded_ns[0]), log.info.timezone)

@@ -1,7 +1,8 @@
 """Which doors and levels a log has, as far as commands must know it.
 
 Finds the door that a person means by a name, removed doors included, and the events of a batch that
-can be wrong, and so must be checked one by one.
+can be wrong, and so must be checked one by one. Also what doors are called in a message, so that
+nobody needs to guess which one is meant.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -475,3 +477,42 @@ def absence_message(door_id: int) -> str:
 def which_id(doors: Sequence[door_model.DoorId]) -> str:
     """Return how one of several doors is meant: `id:1 or id:4`."""
     return " or ".join(f"{ID_PREFIX}{door_id}" for door_id in doors)
+
+
+def doors_listed(
+    doors: Iterable[door_model.DoorId | str] | door_model.DoorId | str,
+) -> Iterable[door_model.DoorId | str]:
+    """Return doors as a list of them; one alone, too."""
+    one_alone = isinstance(doors, str) or is_whole_number(doors)
+    return cast("Iterable[door_model.DoorId | str]", [doors] if one_alone else doors)
+
+
+def labels_of(door_map: door_model.DoorMap) -> dict[door_model.DoorId, str]:
+    """Return what to call each door of a map that has a name: see `distinct_labels`."""
+    doors = door_map.doors.values()
+    return distinct_labels((door, door_map.level_name(door.level)) for door in doors)
+
+
+def all_door_labels(state: DoorMapState) -> dict[door_model.DoorId, str]:
+    """Return the same, and the names of doors that were removed."""
+    return {**state.names(), **labels_of(state.door_map())}
+
+
+def distinct_labels(doors: Iterable[tuple[door_model.Door, str]]) -> dict[door_model.DoorId, str]:
+    """Return what to call each door that has a name, given the name of its level.
+
+    Its name; where several bear it level/name, as commands take it; where even that is another's,
+    with the id.
+    """
+    named = {door.door_id: (door.name, level) for door, level in doors if door.name}
+    bearers = Counter(name for name, _ in named.values())
+    on_level = Counter(named.values())
+    labels = {}
+    for door_id, (name, level) in named.items():
+        if bearers[name] == 1:
+            labels[door_id] = name
+        elif on_level[name, level] == 1:
+            labels[door_id] = f"{level}/{name}"
+        else:
+            labels[door_id] = f"{level}/{name} (id {door_id})"
+    return labels

@@ -1,12 +1,11 @@
-"""The numbers that the events of a log have in another log that is rewritten from it.
+"""Numbers of events in a log that is rewritten from others, and the robots that it names.
 
-Also the new log with the commits of others: made by the ordinary writer, at the times of their
-recording.
+Also when its commits are recorded there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -14,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from semmap_log.core.model.events import Event, Retracted, SightingsThinned
+from semmap_log.core.batches.event_batch import EventBatch
+from semmap_log.core.model.events import Event, Retracted, RobotPose, SightingsThinned
 
 
 class NewNumbers:
@@ -85,3 +85,23 @@ class NextPlace(NamedTuple):
     """The number of its first event."""
     is_late: bool
     """It is recorded later than it was, since the log has others of that moment."""
+
+
+BETWEEN_ROBOTS = ", "
+AFTER_ROBOT = "/"
+"""Between a robot and what its own log says of a source: `tug1/camera`."""
+
+
+def robots_of(robot: str) -> tuple[str, ...]:
+    """Return the robots that the `robot` of a log names: several where logs were joined."""
+    return tuple(robot.split(BETWEEN_ROBOTS))
+
+
+def robots_of_poses(batch: EventBatch, robots: Sequence[str]) -> NDArray[np.intp]:
+    """Return, for each pose of a batch, the place of its robot among some; 0 if it names none."""
+    if len(robots) < 2 or RobotPose not in batch:
+        return np.zeros(len(batch.where(RobotPose)), np.intp)
+    places, sources = batch.sources(RobotPose)
+    known = {name: place for place, name in enumerate(robots)}
+    of_source = [known.get(source.partition(AFTER_ROBOT)[0], 0) for source in sources]
+    return np.array(of_source, np.intp)[places]
