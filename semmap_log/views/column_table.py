@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from html import escape
 from itertools import groupby
 
 from rich.cells import cell_len
@@ -43,7 +42,7 @@ def _parts(shown: RenderableType) -> Iterator[str]:
     elif isinstance(shown, ColumnTable):
         yield _table(shown)
     elif isinstance(shown, (Text, str)) and str(shown):
-        yield f'<p style="white-space: pre-line">{escape(str(shown))}</p>'
+        yield f'<p style="white-space: pre-line">{_escaped(str(shown))}</p>'
 
 
 def _table(table: ColumnTable) -> str:
@@ -63,9 +62,15 @@ def _table(table: ColumnTable) -> str:
     return f"<table>{head}<tbody>{body}</tbody></table>{more}"
 
 
+def _escaped(text: str) -> str:
+    from html import escape  # a terminal does not need it
+
+    return escape(text)
+
+
 def _cell(tag: str, column: TableColumn, text: str) -> str:
     style = STYLE.format(side="right" if column.right else "left")
-    return f'<{tag} style="{style}">{escape(text)}</{tag}>'
+    return f'<{tag} style="{style}">{_escaped(text)}</{tag}>'
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,7 @@ from __future__ import annotations
 import math
 import unicodedata
 from collections.abc import Callable
-from typing import cast
-
-from typing_extensions import assert_never
+from typing import NoReturn, cast
 
 from semmap_log.core.model import events
 from semmap_log.core.model.doors import DOOR, DoorState, ObjectClass
@@ -76,7 +74,8 @@ def words_of(event: events.Event, of: ObjectClass = DOOR, *, in_full: bool = Fal
         case events.UnknownEvent():
             return f"{type(known).__name__}: unknown here, of a newer version"
         case _:
-            assert_never(known)
+            impossible: NoReturn = known
+            raise AssertionError(impossible)
 
 
 def printable(text: str) -> str:

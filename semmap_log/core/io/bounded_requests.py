@@ -8,19 +8,20 @@ read.
 
 from __future__ import annotations
 
-import asyncio
 import atexit
 import os
 import sys
 import threading
 import time
 from collections.abc import Awaitable, Callable
-from concurrent.futures import wait
 from functools import lru_cache
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from semmap_log.core.io.url_path import UrlPath
 from semmap_log.errors import LogAccessError
+
+if TYPE_CHECKING:
+    import asyncio
 
 T = TypeVar("T")
 
@@ -45,6 +46,9 @@ def answer_of(
     Raises:
         OSError: The answer takes longer, or more memory.
     """
+    import asyncio
+    from concurrent.futures import wait
+
     most, end_s = _peak_bytes() + most_bytes, time.monotonic() + within_s
     future = asyncio.run_coroutine_threadsafe(_awaited(request), _loop())
     try:
@@ -70,6 +74,8 @@ _has_dropped = threading.Event()
 @lru_cache(maxsize=1)
 def _loop() -> asyncio.AbstractEventLoop:
     """Return the loop that requests run in, in a thread of its own."""
+    import asyncio
+
     loop = asyncio.new_event_loop()
     threading.Thread(target=loop.run_forever, name="semmap-log requests", daemon=True).start()
     atexit.register(_let_requests_end)

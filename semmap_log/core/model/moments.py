@@ -32,6 +32,8 @@ USUAL_HOLDS = 3
 MOST_HOLDS = 10**9 - 1
 SECONDS_DIGITS, NANOSECONDS_DIGITS = 10, 18
 """`@n` counts seconds up to so many digits (2262), and nanoseconds from so many on (1973)."""
+NEAR_NS = 10 * 60 * SECOND_NS
+"""What happened so long before or after a moment is near it."""
 _UNITS = {range(12, 15): "milliseconds", range(15, 18): "microseconds"}
 """What a number of so many digits counts, of a time of these decades."""
 

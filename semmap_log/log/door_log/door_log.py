@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent, Retractions
 from semmap_log.core.folds.door_map import DoorMapState
-from semmap_log.core.folds.explanation import NEAR_NS
 from semmap_log.core.folds.projection import SAVE_EVERY_S, Projection
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import place_of
@@ -614,7 +613,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         at: Time = None,
         known_at: Time = None,
         *,
-        near_ns: int = NEAR_NS,
+        near_ns: int = moments.NEAR_NS,
         progress: Progress | None = None,
     ) -> Explanation:
         """Return why a door was in a state: what was true, what was believed, since when, by whom.
