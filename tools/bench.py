@@ -3,7 +3,6 @@
     python tools/bench.py                                   all of it, about seven minutes
     python tools/bench.py --only append,fold                a part
     python tools/bench.py --events 10000 10000000 --json    other sizes, for machines
-    python tools/bench.py --only fold,moment --events 10_000 1_000_000 --plot bench.svg
 
 The exit code is 1 if an answer was wrong or a peer failed: never because of a time. Peers that are
 not installed only say so; `pip install semmap-log[bench]` has them all.
@@ -28,7 +27,6 @@ from benchmark.case import Case
 from benchmark.costmap_cases import costmap_cases
 from benchmark.fleet_cases import fleet_cases
 from benchmark.folding import SMALL, fold_cases, now_cases
-from benchmark.frame_cases import frame_cases
 from benchmark.importing import import_cases
 from benchmark.logs import Workshop
 from benchmark.moments import moment_cases
@@ -47,8 +45,7 @@ SIZES = (10_000, 100_000)
 SIZED = {
     "fold": fold_cases, "now": now_cases, "moment": moment_cases, "history": history_cases,
     "index": index_cases, "sql": sql_cases, "day": day_cases, "open": open_cases,
-    "frame": frame_cases, "import": import_cases,
-    "store": store_cases, "care": trimming_cases,
+    "import": import_cases, "store": store_cases, "care": trimming_cases,
 }  # fmt: skip
 """Group -> its cases, for each size."""
 UNSIZED = {"fleet": fleet_cases, "costmap": costmap_cases, "view": view_cases}
@@ -74,8 +71,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(args: argparse.Namespace, shop: Workshop, given: Sequence[str]) -> int:
     from benchmark.report import file_system, machine_of, show, to_json
 
-    if args.plot:
-        pass  # said now, not after seven minutes
     if file_system(shop.folder) in ("tmpfs", "ramfs"):
         print("bench: this folder is in memory: a sync costs nothing here, and the figures for "
               "append and for what is cold mean nothing; choose another with --dir",
@@ -93,10 +88,6 @@ def _run(args: argparse.Namespace, shop: Workshop, given: Sequence[str]) -> int:
         print(json.dumps(document, indent=2, ensure_ascii=False))
     else:
         show(results, document)
-    if args.plot:
-        from benchmark.plot import draw
-
-        draw(document, args.plot)
     return _judged(results)
 
 
@@ -153,8 +144,6 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
                         help="rounds that count; default: 20 of ten commits for append, 10 for "
                         "start, 5 for reading, 3 for import")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="one document instead of the table")
-    parser.add_argument("--plot", type=Path, metavar="OUT.svg",
-                        help="draw it, too (.svg or .png); needs matplotlib")  # fmt: skip
     parser.add_argument("--dir", type=Path, default=ROOT, metavar="DIR",
                         help="where to put the temporary folder: a real disk; default: the "
                         "checkout")  # fmt: skip

@@ -3,10 +3,8 @@
     python tools/faults.py                              every kind, a few minutes
     python tools/faults.py disk power                   these kinds
     python tools/faults.py disk --faults 300 --seed 7   a sample, the same one each time
-    python tools/faults.py --seconds 600                as much as ten minutes hold, of every kind
 
-Each kind runs in a process of its own, and is stopped in the midst of a fault when its time is
-over. How far it is stands on stderr, and a line for each kind that has ended.
+How far a kind has come is printed on stderr, and a line for each kind that has ended.
 
 The exit code is 1 if an acknowledged event was lost, one was invented, or a promise was broken;
 then the table says what was done, and where the log is kept as the fault left it.
@@ -20,37 +18,30 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+import traceback
+from collections.abc import Sequence
 from contextlib import closing
+from itertools import islice
 from pathlib import Path
 
-from fault_injection.apart import Budget, KindApart, Share
-from fault_injection.fault import CannotTryError, Kind, Plan
+from fault_injection.fault import CannotTryError, Kind, Outcome, Plan
 from fault_injection.kinds import KINDS
-from fault_injection.report import LINE_EVERY_S, Line, Tally, show, to_json
+from fault_injection.report import Line, Tally, show, to_json
 
 MEMORY = Path("/dev/shm")  # noqa: S108 - folders of our own, with names nobody can foresee
 INTERRUPTED = 130
 
 
-def main(
-    arguments: Sequence[str] | None = None, clock: Callable[[], float] = time.monotonic
-) -> int:
-    """Try what the command line asks for; 0 good, 1 something was lost, invented or broken.
-
-    Args:
-        arguments: Of the command line.
-        clock: Tells seconds.
-    """
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Try what the command line asks for; 0 good, 1 something was lost, invented or broken."""
     args = _parsed(sys.argv[1:] if arguments is None else arguments)
     names = list(dict.fromkeys(name for asked in args.kinds for name in _named(asked)))
-    budget = Budget(clock, args.seconds, len(names))
     tallies: list[Tally] = []
     code = 0
     try:
         for name in names:
             tallies.append(Tally(name))
-            _try_kind(KINDS[name], args, tallies[-1], budget)
+            _try_kind(KINDS[name], args, tallies[-1])
     except KeyboardInterrupt:
         code = INTERRUPTED
     if args.json:
@@ -60,41 +51,28 @@ def main(
     return 1 if any(tally.bad for tally in tallies) else code
 
 
-def _try_kind(kind: Kind, args: argparse.Namespace, tally: Tally, budget: Budget) -> None:
-    """Count what a kind yields, until it ends, or its time or number is over."""
-    share = budget.next_share()
-    if share.is_over(share.start):
-        tally.skipped = "the time of --seconds was over"
-        return
-    line = Line(tally, share.start)
+def _try_kind(kind: Kind, args: argparse.Namespace, tally: Tally) -> None:
+    """Count what a kind yields, until it ends, or its number is reached."""
+    start = time.monotonic()
+    line = Line(tally, start)
     with tempfile.TemporaryDirectory(
         dir=args.dir, prefix="faults_", ignore_cleanup_errors=True
     ) as folder:
         plan = Plan(args.seed, Path(folder), faults=args.faults, keep=args.keep, only=args.only)
         try:
-            with closing(KindApart(kind, plan)) as at_work:
-                _count_outcomes(at_work, tally, share, line)
+            with closing(kind(plan)) as outcomes:
+                for outcome in islice(outcomes, args.faults):
+                    tally.count(outcome)
+                    now = time.monotonic()
+                    tally.seconds = now - start
+                    line.show(now)
         except CannotTryError as error:
             tally.skipped = str(error)
+        except Exception:  # noqa: BLE001 - the other kinds are tried all the same
+            tally.count(Outcome("the kind itself", problem=traceback.format_exc()))
         finally:
-            tally.seconds = budget.clock() - share.start
+            tally.seconds = time.monotonic() - start
             line.end()
-
-
-def _count_outcomes(at_work: KindApart, tally: Tally, share: Share, line: Line) -> None:
-    now = share.start
-    while not share.is_over(now):
-        try:
-            outcome = at_work.next(min(share.left(now), LINE_EVERY_S))
-        except StopIteration:
-            return
-        if outcome is not None:
-            tally.count(outcome)
-        now = share.clock()
-        tally.seconds = now - share.start
-        line.show(now)
-    if not tally.faults:
-        tally.skipped = "the time of --seconds was over before its first fault"
 
 
 def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
@@ -110,8 +88,6 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
                         help="a sample of so many of each kind; default: all of them")  # fmt: skip
     parser.add_argument("--only", type=int, metavar="N",
                         help="the fault of that number alone, as the table names it")  # fmt: skip
-    parser.add_argument("--seconds", type=float, metavar="S",
-                        help="end after so long; each kind to come gets its share")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="one document instead of the table")
     parser.add_argument("--keep", type=Path, default=Path("faults_found"), metavar="DIR",
                         help="where to keep logs on which something went wrong; default: "

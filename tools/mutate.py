@@ -6,10 +6,10 @@
 
 cosmic-ray makes the mutants: another operator, number or condition, a loop left out; and here, a
 call left out. Each runs in a copy of the tree, against the quick tests nearest to its module
-(`tools/tests_of.py`), with and without compiled loops, to its callers and of its room, until one
-fails. Mutants that may live are in `tests/surviving_mutants.yaml`, each with the reason. The code
-of a function identifies it there, so entries survive moved files and new docstrings. The exit code
-is 1 if another mutant survives.
+(`tools/tests_of.py`), with and without compiled loops, to its callers, of its room, and of what a
+program uses, until one fails. Mutants that may live are in `tests/surviving_mutants.yaml`, each
+with the reason. The code of a function identifies it there, so entries survive moved files and new
+docstrings. The exit code is 1 if another mutant survives.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ def _fate(mutant: Mutant) -> Fate:
 
 
 def _stages(function: Function) -> Iterator[tuple[list[str], dict[str, str]]]:
-    """Yield which tests run, and in which environment: of its module, its callers, its room."""
+    """Yield which tests run, and in which environment: of its module, callers, room, and users."""
     path = function.path.relative_to(ROOT)
     folder = Path("tests").joinpath(*path.parts[1:-1])
     tests = [each.relative_to(ROOT) for each in tests_of(function.path)]
@@ -164,13 +164,12 @@ def _stages(function: Function) -> Iterator[tuple[list[str], dict[str, str]]]:
         yield of_callers, {}
         done.update(of_callers)
     room = next(each for each in (folder, *folder.parents) if each.is_dir())
-    if room.name == "tests":  # what a program uses is tested there, and much else below
-        users = [
-            str(each) for each in room.glob("test_*.py") if "semmap_log as" in each.read_text()
-        ]
-        yield sorted({*users} - done), {}
-    else:
+    if room.name != "tests":
         yield [str(room), *(f"--ignore={test}" for test in sorted(done))], {}
+    users = [
+        each for each in Path("tests").glob("test_*.py") if "semmap_log as" in each.read_text()
+    ]
+    yield sorted({*map(str, users)} - done), {}
 
 
 def _tests_of_callers(function: Function) -> list[str]:

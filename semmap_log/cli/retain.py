@@ -174,7 +174,8 @@ def run(
     With --keep all sightings, states, requests and poses go that were recorded longer ago, up to
     the last keyframe before that. Which doors, levels, floor plans and rounds there were stays.
     What is then the oldest moment is the log's horizon: a question about what was before is an
-    error that names it. The state at the horizon is kept, and the hash chain can still be verified.
+    error that names it. The state at the horizon is kept, with the event that set it for each door,
+    and the hash chain can still be verified.
     Nobody may be writing; stopped half way, do it again. An age is counted from now, by the clock
     of this machine.
 

@@ -122,10 +122,10 @@ class WrittenCommits:
         self._kept += records[at + self._first : at + self._end]
         self._last, self._last_at = records, at
 
-    def command_ids(self, start: int) -> list[bytes]:
-        """Return the command id of each commit from a place on, in order."""
+    def command_ids(self) -> list[bytes]:
+        """Return the command id of each commit, in order."""
         kept, size = self._kept, self._length
-        ends = range((start + 1) * size, len(kept) + 1, size)
+        ends = range(size, len(kept) + 1, size)
         return [bytes(kept[end - COMMAND_ID_BYTES : end]) for end in ends]
 
     def first_event(self, place: int) -> int:

@@ -444,8 +444,9 @@ def bits_of_channels(channels: NDArray[np.uint16]) -> NDArray[np.uint32]:
 EXPIRING: tuple[type[Event], ...] = (
     DoorUpdated, DoorObserved, DoorRequested, DoorPassed, RobotPose, SightingsThinned,
 )  # fmt: skip
-"""What retention takes out of old segments. All other kinds stay: which doors, levels, floor plans
-and rounds there were, what was retracted, and by whom."""
+"""What retention takes out of old segments, but for the last of each door that set its state. All
+other kinds stay: which doors, levels, floor plans and rounds there were, what was retracted, and by
+whom."""
 
 _BITS_OF_KINDS = np.array([_bit_of_kind(kind) for kind in range(2**8)], np.uint32)
 
@@ -467,8 +468,3 @@ def kinds_mask(kinds: Iterable[type[Event]]) -> int:
 
 
 EXPIRING_BITS = kinds_mask(EXPIRING)
-
-
-def kinds_of_bits(bits: int) -> list[int]:
-    """Return the known kinds of events among bits."""
-    return [kind.kind for kind in KINDS if bits >> kind.kind & 1]

@@ -1,4 +1,4 @@
-"""Cases: probabilities of doors, from visits, from many sightings, and forecasts of each minute."""
+"""Cases: probabilities of doors, from visits, from many sightings, and now."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark import plain_beliefs
-from benchmark.belief_forecasts import clinic_case, minutes_case
+from benchmark.belief_forecasts import clinic_case
 from benchmark.case import Case, Near, Peer, Work
 from benchmark.patrol import START_NS
 from benchmark.peers import OURS, on_cores
@@ -151,16 +151,15 @@ def _as_tuples(
     return list(zip(door.tolist(), seen_s.tolist(), reads_open.tolist(), right, right, strict=True))
 
 
-VISITS, SIGHTINGS, DAYS = 8736, 1_000_000, 1044
-"""Visits: half a year of two an hour. Days: 1.5 million minutes, as the longest of the real sets
-has."""
+VISITS, SIGHTINGS = 8736, 1_000_000
+"""Visits: half a year of two an hour."""
 TRIED_OUT = 100
 """A run that only tries out has that part of each."""
-LEAST_DAYS, FEW_DOORS = 15, 12
+FEW_DOORS = 12
 
 
 def belief_cases(rounds: int | None, *, tries_out: bool = False) -> Iterator[Case]:
-    """Yield: what visits tell; sightings as evidence; all doors of a log; years of habits.
+    """Yield: what visits tell; sightings as evidence; all doors of a log.
 
     Args:
         rounds: Rounds that count; None: each case's own.
@@ -170,4 +169,3 @@ def belief_cases(rounds: int | None, *, tries_out: bool = False) -> Iterator[Cas
     yield visits_case(VISITS // part, rounds)
     yield sightings_case(SIGHTINGS // part, rounds)
     yield clinic_case(rounds, most=FEW_DOORS if tries_out else None)
-    yield minutes_case(max(DAYS // part, LEAST_DAYS), rounds)

@@ -101,7 +101,7 @@ class Case:
     growth_promise: str | None = None
     """What is promised of our time in a larger log; None: its growth is not shown."""
     key: str = ""
-    """What it is, for the plot and for growth: the same at all sizes."""
+    """What it is, for growth: the same at all sizes."""
 
 
 @dataclass(frozen=True, slots=True)

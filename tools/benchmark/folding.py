@@ -13,7 +13,6 @@ from benchmark.peers import (
     DUCKDB,
     MCAP,
     OURS,
-    ROSBAGS,
     SQLITE,
     on_cores,
     parquet_table,
@@ -26,8 +25,6 @@ from benchmark.plain_fold import (
     answer_of,
     answer_of_rows,
     plain_answer,
-    plain_answers,
-    without_times,
 )
 
 PER_COMMIT = (1, 10, 100)
@@ -100,10 +97,7 @@ def _reading_peers(log: BenchLog, form: str, per_commit: int) -> tuple[Peer, Pee
 
 
 def _other_peers(shop: Workshop, log: BenchLog, form: str) -> Iterator[Peer]:
-    count, sample, answer = log.count, log.sample(), plain_answer(log.count)
-    recorded = plain_answers(count, sample.count, (None,), late_counts=False)[None]
-    yield Peer(ROSBAGS, partial(_rosbags, sample), without_times(recorded), sample.count,
-               cores=1)  # fmt: skip
+    count, answer = log.count, plain_answer(log.count)
     if form != LIVE:
         parquet = parquet_table(shop, count)
         promise = THAN_DUCKDB[form] if count >= PROMISED else ""
@@ -150,15 +144,6 @@ def _mcap(sample: Sample) -> Work:
     import mcap_ros2.decoder  # noqa: F401 - not timed
 
     return Work(lambda _: mcap_fold.mcap_replay(sample), answer=PlainFold.answer)
-
-
-def _rosbags(sample: Sample) -> Work:
-    import rosbags.highlevel  # noqa: F401 - not timed
-
-    def answer(fold: PlainFold) -> Answer:
-        return without_times(fold.answer())
-
-    return Work(lambda _: mcap_fold.rosbags_replay(sample), answer=answer)
 
 
 def _duckdb(path: Path | None, threads: int) -> Work:

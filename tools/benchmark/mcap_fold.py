@@ -1,4 +1,4 @@
-"""The peers that read our files: the mcap library, and rosbags, each with a fold in Python."""
+"""The peer that reads our files: the mcap library, with a fold in Python."""
 
 from __future__ import annotations
 
@@ -64,22 +64,6 @@ def stored_chunks(files: Sequence[Path]) -> Iterator[tuple[Path, int, str, int, 
         for chunk in _summary(path).chunk_indexes:
             yield (path, chunk.chunk_start_offset, chunk.compression, chunk.compressed_size,
                    chunk.uncompressed_size)  # fmt: skip
-
-
-def rosbags_replay(sample: Sample) -> PlainFold:
-    """Return the fold of those events by rosbags, in the order of recording.
-
-    It does not hand out when they happened (`publish_time`): the best that can be done with it.
-    """
-    from rosbags.highlevel import AnyReader
-
-    fold = PlainFold()
-    with AnyReader(list(sample.files)) as reader:
-        told = [known for known in reader.connections if known.topic in TOPICS]
-        for known, recorded_ns, data in reader.messages(told, stop=sample.until_ns):
-            said = reader.deserialize(data, known.msgtype)
-            fold.apply(known.msgtype.rpartition("/")[2], said, (recorded_ns, 0))
-    return fold
 
 
 def _decoded(files: Sequence[Path], **which: Any) -> Iterator[tuple[str, Any, Any]]:

@@ -10,7 +10,6 @@ from benchmark.tables import write_parquet, write_sqlite
 
 OURS = "semmap-log"
 MCAP = "mcap + mcap-ros2-support, fold"
-ROSBAGS = "rosbags AnyReader, fold"
 DUCKDB = "DuckDB, Parquet"
 SNAPSHOTS = "DuckDB, daily snapshots"
 SQLITE = "SQLite, indexed"

@@ -69,27 +69,3 @@ def _passes(seen: Sequence[tuple[int, float]]) -> Iterator[list[float]]:
             begun_s, llrs = time_s, []
         llrs.append(llr)
     yield llrs
-
-
-def hour_of_week(is_open: Sequence[int]) -> list[float]:
-    """Return P(open) in each minute from a Monday on, as the midnight before it knew.
-
-    A table of the hours of the week; an hour that was never seen has the share of all, and at first
-    that is one half. Nothing is said for surer than a thousandth.
-
-    Args:
-        is_open: Of each minute, 0 or 1.
-    """
-    opened, known, said = [0] * 168, [0] * 168, []
-    for first in range(0, len(is_open), 1440):
-        day = is_open[first : first + 1440]
-        total = sum(known)
-        share = sum(opened) / total if total else 0.5
-        shares = (o / k if k else share for o, k in zip(opened, known, strict=True))
-        table = [min(max(p, 0.001), 0.999) for p in shares]
-        hour = first // 60 % 168
-        said += [table[hour + minute // 60] for minute in range(len(day))]
-        for minute, state in enumerate(day):
-            opened[hour + minute // 60] += state
-            known[hour + minute // 60] += 1
-    return said

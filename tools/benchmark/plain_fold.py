@@ -122,11 +122,6 @@ def answer_of_rows(rows: Iterable[Sequence[Any]]) -> Answer:
     return {row[0]: (*map(repr, row[1:-1]), row[-1] or "") for row in rows}
 
 
-def without_times(answer: Answer) -> Answer:
-    """Return it without `last seen`, for a reader that does not know when things happened."""
-    return {door: (*texts[:-2], texts[-1]) for door, texts in answer.items()}
-
-
 def plain_answer(count: int, first: int | None = None, at_ns: int | None = None) -> Answer:
     """Return the doors after a patrol; see `plain_answers`."""
     return plain_answers(count, first, (at_ns,))[at_ns]

@@ -101,8 +101,8 @@ def growths(results: Sequence[Result]) -> Iterator[Growth]:
                 yield Growth(case.title, one.peer.name, least, most, times, promise or "")
 
 
-PACKAGES = ("semmap-log", "numpy", "zstandard", "mcap", "mcap-ros2-support", "rosbags", "duckdb",
-            "pyarrow", "scipy", "scikit-image")  # fmt: skip
+PACKAGES = ("semmap-log", "numpy", "zstandard", "mcap", "mcap-ros2-support", "duckdb", "pyarrow",
+            "scipy")  # fmt: skip
 
 NOTES = """\
 Medians of n turns, taken by the peers in rounds (A B A B; slow ones take fewer turns a round); a \
@@ -115,9 +115,8 @@ or bytes given); where it differs, the figure is WRONG.
 Logs: 100 doors, an event every 10 s, 2 % of them told up to an hour late. live: as it was \
 written; plain, zstd: compacted, in chunks of about a MiB. Whole log: every event read, checked \
 and folded; State now: opened and asked, where a keyframe helps.
-mcap, rosbags: the log's first 20,000 events only, scaled per event, and only \
-topics that matter to the doors. rosbags does not tell when events happened: it folds them as they \
-were recorded, and last_seen is left out. limit: the bytes through crc32 and numpy, nothing made.
+mcap: the log's first 20,000 events only, scaled per event, and only topics that matter to the \
+doors. limit: the bytes through crc32 and numpy, nothing made.
 SQLite, DuckDB: given the events as a table of what each of them sets, written beforehand: Parquet \
 with zstd, sorted by number; SQLite with nine indexes, one for each question. Daily \
 snapshots: a DuckDB file with the events in the order in which they happened, and the doors at \
@@ -131,16 +130,15 @@ process, whose reader uses all cores, too.
 One day: a 365th of the log's time. append: commits are given as event objects, as bytes, as rows.
 Costmap: a made-up building with up to 500 doors, cells of 0.05 m, inflation of 0.55 m, from \
 nothing to the master. plain Python: the thesis's and noetic's loops over cells, on a corner of \
-the map, scaled by area. scipy: costs by exact distances, never less than noetic's. skimage: \
-draw.line, with the same ends and as many cells. A door's change: met for the first time; seen \
+the map, scaled by area. scipy: costs by exact distances, never less than noetic's. A door's \
+change: met for the first time; seen \
 before: one that the door has made already, large map. plain Python redraws the door's \
 surroundings as noetic does, which is not always what the whole map would give; here it is. A \
 day: from the log on disk; the opening is part of it.
 Beliefs: doors are simulated, but for the clinic's. What visits tell: the log-likelihood of \
 121 modes, by the hour; plain Python is the forward algorithm, a loop over visits. One by one: the \
 probabilities of every sixth door without learning them side by side, the reading of the log \
-included. Schedule: each minute as the midnight before it knew; FreMEn and a table of the hours \
-of the week do the same with less to say.
+included.
 """.splitlines()
 
 

@@ -290,11 +290,6 @@ def maximum(master: Costs, layer: Costs) -> None:
     _raise_to(master, layer, (master == NO_INFORMATION) | (master < layer))
 
 
-def maximum_of_known(master: Costs, layer: Costs) -> None:
-    """Keep the greater cost where the master has one (Nav2's `…MaxWithoutUnknownOverwrite`)."""
-    _raise_to(master, layer, (master != NO_INFORMATION) & (master < layer))
-
-
 def addition(master: Costs, layer: Costs) -> None:
     """Add the costs, at most to just below INSCRIBED (`updateWithAddition`)."""
     total = np.minimum(master.astype(np.uint16) + layer, INSCRIBED - 1).astype(np.uint8)

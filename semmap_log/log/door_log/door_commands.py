@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.door_map import DoorMapState
@@ -26,6 +26,7 @@ from semmap_log.errors import CommandError
 from semmap_log.log.door_log import current_map
 from semmap_log.log.door_log.last_patrol import last_patrol
 from semmap_log.log.replay.replay import Scope, replay
+from semmap_log.log.replay.state import kept_pin
 from semmap_log.store.reading.reader import LogReader
 
 
@@ -343,9 +344,12 @@ class PinMoment(WordedCommand):
         return ("pin", self.name)
 
     def events(self, now: current_map.CurrentMap) -> list[ev.Event]:
-        """Return the pin."""
+        """Return the pin, with the state of its moment where another pin has it."""
         at_ns = now.now_ns() if self.at_ns is None else self.at_ns
-        return [ev.MomentPinned(at_ns=at_ns, name=self.name)]
+        kept = kept_pin(now.reader, at_ns)
+        if kept is None:
+            return [ev.MomentPinned(at_ns=at_ns, name=self.name)]
+        return [replace(kept, name=self.name, happened_ns=None)]
 
 
 @dataclass(frozen=True, slots=True)

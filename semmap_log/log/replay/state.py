@@ -8,8 +8,10 @@ Pinned moments: their state is kept when what was before the horizon is not. Whi
 that the answer needs, a pin is a name for a moment. Before its events are removed, retention writes
 the state of that moment into the log; later reports of it are folded onto it.
 
-The keyframe at the horizon stands for the oldest events, which were taken out. It holds, for each
-field of each door, which event wrote it last: it is put back as an event of that number and time.
+The keyframe at the horizon stands for the oldest events, which were taken out, but for those that
+set a door's state there: they stay, since how long a state holds depends on how it was seen. It
+holds, for each field of each door, which event wrote it last: if that is gone, it is put back as an
+update of that number and time.
 So a fold that begins with these events has the state of the horizon when it reaches it. What was
 before is not known: from its adding on a door is UNKNOWN, until what its state was at the horizon
 had happened.
@@ -41,6 +43,7 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semmap_log import errors
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent, Retractions
@@ -63,7 +66,7 @@ from semmap_log.core.model.meaning import PARTS, REGISTER_OF
 from semmap_log.core.texts import counted
 from semmap_log.log.replay import keyframes
 from semmap_log.store.header import TrimReason
-from semmap_log.store.pages import EVENT_BITS, EXPIRING_BITS, KEYFRAME_BIT, kinds_mask
+from semmap_log.store.pages import EVENT_BITS, KEYFRAME_BIT, kinds_mask
 from semmap_log.store.reading.reader import BEGINNING, ChunkPlace, LogReader
 from semmap_log.store.reading.segment_reading import page_at
 from semmap_log.store.reading.segment_scan import Segment, numbers_of
@@ -77,9 +80,17 @@ def pins(reader: LogReader) -> dict[str, ev.MomentPinned]:
     found: dict[str, ev.MomentPinned] = {}
     for batch in reader.batches(Window(kinds=kinds_mask([ev.MomentPinned]))):
         for recorded in hidden.visible(batch):
-            assert isinstance(recorded.event, ev.MomentPinned), "no other kind was asked for"
-            found[recorded.event.name] = recorded.event
+            pin = recorded.event
+            assert isinstance(pin, ev.MomentPinned), "no other kind was requested"
+            known = found.get(pin.name)
+            if pin.keyframe or known is None or known.at_ns != pin.at_ns:
+                found[pin.name] = pin
     return found
+
+
+def kept_pin(reader: LogReader, at_ns: int) -> ev.MomentPinned | None:
+    """Return a pin of a moment that has its state; None: there is none."""
+    return next((p for p in pins(reader).values() if p.at_ns == at_ns and p.keyframe), None)
 
 
 def pinned_state(
@@ -94,7 +105,7 @@ def pinned_state(
         at_ns: The moment.
         before_event: Only events below that number; None: all.
     """
-    pin = next((p for p in pins(reader).values() if p.at_ns == at_ns and p.keyframe), None)
+    pin = kept_pin(reader, at_ns)
     state = None if pin is None else unpacked(pin.keyframe)
     if pin is None or state is None:
         return None
@@ -142,8 +153,8 @@ def events_at_horizon(
     Raises:
         HorizonError: The state at the horizon cannot be read.
     """
-    before = replace(window, before_event=reader.horizon, kinds=window.kinds & ~EXPIRING_BITS)
-    left = [recorded for batch in reader.batches(before) for recorded in batch]
+    before = replace(window, before_event=reader.horizon, kinds=window.kinds | _STATE_BITS)
+    left = [recorded for batch in reader.batches(before, is_part=True) for recorded in batch]
     state = _state_at_horizon(reader)
     found = [
         *_without_first_states(left, state),
@@ -165,8 +176,8 @@ def last_writes(reader: LogReader) -> list[RecordedEvent]:
     Raises:
         HorizonError: The state at the horizon cannot be read.
     """
-    before = Window(before_event=reader.horizon, kinds=EVENT_BITS & ~EXPIRING_BITS)
-    left = [number for batch in reader.batches(before) for number in batch.number.tolist()]
+    before = reader.batches(Window(before_event=reader.horizon), is_part=True)
+    left = [number for batch in before for number in batch.number.tolist()]
     found = _last_writes(_state_at_horizon(reader), but=left)
     return sorted(found, key=lambda one: one.number)
 
@@ -180,6 +191,17 @@ def _state_at_horizon(reader: LogReader) -> DoorMapState:
             "cannot be used; verify the log."
         )
     return state
+
+
+_STATE_BITS = kinds_mask(ev.STATE_KINDS)
+"""Of the kinds of which those events stay that set a door's state at the horizon."""
+
+
+def state_events(state: DoorMapState) -> NDArray[np.int64]:
+    """Return the numbers of the events that set the states of doors, ascending."""
+    numbers = state.to_arrays()[f"{REGISTER_OF[ev.Changed.STATE]}_event"]
+    found: NDArray[np.int64] = np.unique(numbers[numbers != NEVER])
+    return found
 
 
 def _without_first_states(

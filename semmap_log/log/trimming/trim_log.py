@@ -1,8 +1,9 @@
 """Trims a log: an event before and one after state what goes, who does it, and why.
 
 A log need not keep old sightings, changes of state and poses any longer. Events that say which
-doors, levels, floor plans and rounds there were stay, and so do retracted ones. A keyframe stands
-at the horizon; from there on all moments can be queried. The trimmed copy of a segment is checked
+doors, levels, floor plans and rounds there were stay, and so do retracted ones, and the last of
+each door that set its state. A keyframe stands at the horizon; from there on all moments can be
+queried. The trimmed copy of a segment is checked
 before it replaces the segment.
 """
 
@@ -13,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path, PurePath
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,7 @@ from semmap_log.log.replay.state import (
     pins,
     retractions_after,
     state_at,
+    state_events,
     with_state,
 )
 from semmap_log.store.byte_layout import kinds_of
@@ -208,7 +210,9 @@ class Retention:
         self.always_has_horizon = always_has_horizon
         self._reader = log if isinstance(log, LogReader) else LogReader(log)
         self._until_ns = until_ns
-        self.horizon, self._held_by = _horizon(self._reader, until_ns)
+        found = _horizon(self._reader, until_ns)
+        self.horizon, self._held_by = found.event, found.held_by
+        self._state_events = state_events(found.state)
 
     @property
     def before(self) -> int:
@@ -247,8 +251,9 @@ class Retention:
 
     def gone(self, page: Page) -> NDArray[np.bool_]:
         """As `Selection` says."""
-        can_go = np.isin(kinds_of(page.heads["channel_id"]), _EXPIRING)
-        return can_go & (page.numbers(np.arange(len(can_go))) < self.horizon)
+        numbers = page.numbers(np.arange(len(page.heads)))
+        can_go = np.isin(kinds_of(page.heads["channel_id"]), _EXPIRING) & (numbers < self.horizon)
+        return can_go & ~np.isin(numbers, self._state_events)
 
     def keyframe(self, data: bytes) -> bytes | None:
         """As `Selection` says: those before the horizon are of no use."""
@@ -264,12 +269,21 @@ def _recorded_before(reader: LogReader, horizon: int) -> int:
     return reader.last_log_time_ns() + 1 if commit is None else commit.recorded_ns
 
 
-def _horizon(reader: LogReader, until_ns: int) -> tuple[int, int | None]:
-    """Return the number of the event after the last keyframe that can be the horizon.
+class _Horizon(NamedTuple):
+    event: int
+    """Number of the first event after it."""
+    state: DoorMapState
+    """Of the doors there; empty: it does not move."""
+    held_by: int | None
+    """The retraction that kept it from being later; None: none did."""
+
+
+def _horizon(reader: LogReader, until_ns: int) -> _Horizon:
+    """Return the place after the last keyframe that can be the horizon.
 
     All before it was recorded before the moment, in closed segments, and no commit reaches across
     it. A later retraction may not reach before it: the keyframe would know what is not true any
-    more. Which one held it back is returned, too.
+    more.
     """
     held: int | None = None
     for place, chunk, event in _keyframes_before(reader, until_ns):
@@ -278,18 +292,18 @@ def _horizon(reader: LogReader, until_ns: int) -> tuple[int, int | None]:
         reaching = _first_reaching_before(reader, event)
         if reaching is not None:
             held = reaching
-        elif _is_state_before(reader.segments[place], chunk, event):
-            return event, held
-    return reader.horizon, held
+        elif (state := _state_before(reader.segments[place], chunk, event)) is not None:
+            return _Horizon(event, state, held)
+    return _Horizon(reader.horizon, DoorMapState(), held)
 
 
-def _is_state_before(segment: Segment, chunk: int, event: int) -> bool:
-    """Return whether a keyframe is between two commits and holds the state before an event."""
+def _state_before(segment: Segment, chunk: int, event: int) -> DoorMapState | None:
+    """Return the state before an event, if a keyframe between two commits holds it."""
     commit = commit_of(segment, event)
     if commit is not None and commit.first_event < event:
-        return False
+        return None
     state = keyframe_at(segment, chunk)
-    return state is not None and state.event == event - 1
+    return state if state is not None and state.event == event - 1 else None
 
 
 def _keyframes_before(reader: LogReader, until_ns: int) -> Iterator[tuple[int, int, int]]:

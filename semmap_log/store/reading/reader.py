@@ -324,9 +324,8 @@ class LogReader:
 
     def window_of(self, first: int, last: int | None = None) -> Window:
         """Return the window of one event, or of several; those left before the horizon included."""
-        kinds = EVENT_BITS if first >= self.horizon else EVENT_BITS & ~EXPIRING_BITS
         end = (first if last is None else last) + 1
-        return Window(first_event=first, before_event=end, kinds=kinds)
+        return Window(first_event=first, before_event=end, is_of_numbers=True)
 
     def commit_at(self, number: int) -> Commit:
         """Return the commit that holds an event, with its note.
@@ -435,7 +434,8 @@ class LogReader:
 
     def _reaches_before(self, window: Window) -> bool:
         return (
-            (window.first_event or 0) < self.horizon
+            not window.is_of_numbers
+            and (window.first_event or 0) < self.horizon
             and bool(window.kinds & EXPIRING_BITS)
             and (window.recorded_from_ns is None or window.recorded_from_ns < self.horizon_ns)
             and (window.happened_from_ns is None or window.happened_from_ns < self.horizon_ns)

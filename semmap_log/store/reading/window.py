@@ -30,6 +30,8 @@ class Window:
     """As bits: `pages`."""
     only_kept: bool = False
     """Of what was before the log's horizon, what is kept is enough, wherever the window begins."""
+    is_of_numbers: bool = False
+    """It is about events of these numbers, of which what is kept is enough, without a warning."""
 
     @classmethod
     def up_to(cls, *, at_ns: int | None, event: int | None) -> Window:

@@ -360,8 +360,6 @@ class CommandMemory:
         self._known: dict[bytes, int] = {}
         """Of the live segment: command id -> first event."""
         self._known_of: SegmentWriter | None = None
-        self._taken_in = 0
-        """How many of its commits were looked at."""
         self._seen: Segment | None = None
         """The live segment as it was read last."""
 
@@ -369,7 +367,6 @@ class CommandMemory:
         """Remember a commit that was written, if its segment has been queried."""
         if self._known_of is not None:
             self._known[commit.command_id] = commit.first_event
-            self._taken_in += 1
 
     def closed(self, segment: SegmentWriter) -> None:
         """Take in that the live segment was closed, with all of its commits."""
@@ -392,7 +389,7 @@ class CommandMemory:
         if live is not None:
             if live is not self._known_of:
                 self._forget_live(live)
-            if self._taken_in < len(live.written):
+            if len(self._known) < len(live.written):
                 self._look_at(live)
             event = self._known.get(command_id)
             if event is not None:
@@ -403,9 +400,8 @@ class CommandMemory:
 
     def _look_at(self, live: SegmentWriter) -> None:
         """Take in the commits that were written before the first query."""
-        for command_id in live.written.command_ids(self._taken_in):
-            self._known[command_id] = live.written.first_event(self._taken_in)
-            self._taken_in += 1
+        for place, command_id in enumerate(live.written.command_ids()):
+            self._known[command_id] = live.written.first_event(place)
 
     def _read_live(self, live: SegmentWriter, command_id: bytes, event: int) -> Commit:
         self._flush()
@@ -417,7 +413,7 @@ class CommandMemory:
         return commit
 
     def _forget_live(self, live: SegmentWriter | None) -> None:
-        self._known, self._known_of, self._taken_in, self._seen = {}, live, 0, None
+        self._known, self._known_of, self._seen = {}, live, None
 
 
 _LOW = np.uint64(0xFFFF_FFFF)

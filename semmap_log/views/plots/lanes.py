@@ -191,7 +191,7 @@ def _spans(start_ns: Times, end_ns: Times) -> list[tuple[float, float]]:
 def _as_seen(timeline: Timeline, lanes: Lanes) -> tuple[Times, Times, NDArray[np.uint8]]:
     """Return start, end and state of what a lane can resolve; lapses have `LAPSED` added."""
     if len(timeline) + len(timeline.lapse_start_ns) <= MOST_INTERVALS:
-        return _with_lapses(timeline)
+        return _cut_at_lapses(timeline)
     edges = np.linspace(lanes.start_ns, lanes.end_ns, MOST_INTERVALS + 1).astype(np.int64)
     spent = np.stack(
         [timeline.spent_ns(state, edges) for state in DoorState]
@@ -201,7 +201,7 @@ def _as_seen(timeline: Timeline, lanes: Lanes) -> tuple[Times, Times, NDArray[np
     return edges[:-1][there], edges[1:][there], spent.argmax(axis=0).astype(np.uint8)[there]
 
 
-def _with_lapses(timeline: Timeline) -> tuple[Times, Times, NDArray[np.uint8]]:
+def _cut_at_lapses(timeline: Timeline) -> tuple[Times, Times, NDArray[np.uint8]]:
     """Return the intervals cut where lapses begin and end, in order."""
     lapse_start_ns, lapse_end_ns = timeline.lapse_start_ns, timeline.lapse_end_ns
     cuts = np.unique(np.concatenate([timeline.start_ns, lapse_start_ns, lapse_end_ns]))

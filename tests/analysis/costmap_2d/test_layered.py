@@ -20,7 +20,6 @@ from semmap_log.analysis.costmap_2d.costs import (
     DoorLine,
     addition,
     maximum,
-    maximum_of_known,
     overwrite,
     overwrite_all,
 )
@@ -216,7 +215,6 @@ def test_a_map_of_another_size_is_an_error() -> None:
         (overwrite_all, lambda m, c: c),
         (overwrite, lambda m, c: m if c == 255 else c),
         (maximum, lambda m, c: c if c != 255 and (m == 255 or m < c) else m),
-        (maximum_of_known, lambda m, c: c if c != 255 and m != 255 and m < c else m),
         (
             addition,
             lambda m, c: m if c == 255 else c if m == 255 else min(m + c, INSCRIBED - 1),

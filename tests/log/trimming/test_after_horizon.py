@@ -10,6 +10,7 @@ import re
 import shutil
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,6 +24,7 @@ from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.explanation import Explanation
 from semmap_log.core.folds.history import HistoryEntry
 from semmap_log.core.folds.projection import Projection
+from semmap_log.core.model.doors import DoorState
 from semmap_log.core.model.events import (
     FloorMap,
     LevelAdded,
@@ -414,3 +416,38 @@ def test_a_copy_without_names_is_not_written_into_the_log(
     assert code == 1
     assert "lies in the log's own folder" in err
     assert not (logs.kept / "x.html").exists()
+
+
+@pytest.mark.parametrize("again", [False, True], ids=["once", "twice"])
+def test_a_state_that_was_seen_before_the_horizon_holds_as_long_as_in_the_whole_log(
+    again: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The event that set it stays, with who saw it; of a set state the same."""
+    monkeypatch.setattr(segment_chain, "ROLL_COMMITS", 4)
+    whole, kept, clock = tmp_path / "whole", tmp_path / "kept", MinuteClock()
+    with sl.create(whole, tz="UTC", clock=clock, compact=False) as log:
+        doors = [log.add_door(x=float(i), y=1.0, theta=0.0, width=0.9) for i in range(3)]
+        for state in ("closed", "open"):
+            log.observe(doors[0], state, accuracy=0.9, actor="robot7", reason="round")
+            log.update_door(doors[1], state=state)
+        for i in range(60):
+            clock.now_ns += 600 * SECOND_NS
+            log.observe(doors[2], "open" if i % 3 else "closed", accuracy=0.9)
+    shutil.copytree(whole, kept)
+    for place in [4, 9][: 1 + again]:
+        until_ns = LogReader(whole).segments[place].recorded[0]
+        trim_log(kept, Retention(LogReader(kept), until_ns), writing={"clock": clock})
+
+    before, after = sl.read(whole), sl.read(kept)
+    end_ns, horizon_ns = before.replay().latest_ns, after.horizon_ns()
+    assert before.entry(5).event.state == DoorState.OPEN
+    # What it was before is gone.
+    assert str(after.entry(5)) == str(replace(before.entry(5), changes=()))
+    for door in doors[:2]:
+        expected = before.timeline(door, at=end_ns).between(horizon_ns)
+        found = after.timeline(door, at=end_ns).between(horizon_ns)
+        assert (list(found), found.not_seen_since_ns) == (
+            list(expected), expected.not_seen_since_ns,
+        )  # fmt: skip
+    assert after.timeline(doors[0], at=end_ns).not_seen_since_ns is not None
+    assert after.timeline(doors[1], at=end_ns).not_seen_since_ns is None

@@ -154,6 +154,26 @@ def test_a_pinned_moment_is_answered_when_its_past_is_gone(log: Path) -> None:
     assert state == sl.DoorState.OFFLINE
 
 
+@pytest.mark.parametrize("raw", [False, True], ids=["pin", "append"])
+def test_a_pinned_moment_stays_answerable_when_it_is_pinned_again(log: Path, raw: bool) -> None:
+    """Under the same name, and under another one whose first pin then moves on."""
+    early = list(sl.read(log).commits())[60].recorded_ns
+    with sl.append(log, compact=False) as opened:
+        opened.pin("audit", at=f"@{early}")
+    before = answers(log, [{"at": "pin:audit"}])
+    trim_log(log, Retention(LogReader(log), middle_ns(log)))
+    with sl.append(log, compact=False) as opened:
+        if raw:
+            opened.append([MomentPinned(at_ns=early, name="audit")])
+        else:
+            opened.pin("audit", at=f"@{early}")
+            opened.pin("case 7", at=f"@{early}")
+            opened.pin("audit")
+
+    name = "audit" if raw else "case 7"
+    assert answers(log, [{"at": f"pin:{name}"}, {"at": f"@{early}"}]) == before * 2
+
+
 @pytest.mark.parametrize("kind", ["redaction", "thinning", "retention"])
 def test_a_plan_counts_what_is_done(log: Path, kind: str) -> None:
     """And writes nothing."""

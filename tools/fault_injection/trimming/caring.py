@@ -73,8 +73,9 @@ def keep(life: Life, dice: random.Random) -> None:
         raise WrongError(f"event {horizon - 1} went, and was recorded after {until_ns}")
     _check_moved(life, horizon, until_ns)
     life.whole.horizon = horizon
+    kept = life.whole.setting_states(horizon)
     for number, row in life.whole.rows.items():
-        if number < horizon and row["kind"] in EXPIRING:
+        if number < horizon and row["kind"] in EXPIRING and number not in kept:
             life.whole.gone.setdefault(number, "expired")
 
 

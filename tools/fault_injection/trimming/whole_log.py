@@ -147,6 +147,14 @@ class WholeLog:
         hidden = self.hidden()
         return (row for number, row in sorted(self.rows.items()) if number not in hidden)
 
+    def setting_states(self, before: int) -> set[int]:
+        """Return the numbers of the events below a number that last set the state of a door."""
+        last: dict[int, Row] = {}
+        for row in self.visible():
+            if row["event"] < before and self._state_set(row) is not None:
+                last[row["door_id"]] = max(last.get(row["door_id"], row), row, key=stamp)
+        return {row["event"] for row in last.values()}
+
     def pins(self) -> dict[str, int]:
         """Return the moments that have a name."""
         return {
