@@ -13,13 +13,12 @@ from collections.abc import Iterable, Iterator
 
 from semmap_log.analysis.beliefs.door_beliefs import DoorBelief, probabilities
 from semmap_log.analysis.recorded_later import query_moment_ns, state_reason
-from semmap_log.core.folds.explanation import NEAR_NS, Explanation, NextChange, StateReason
+from semmap_log.core.folds.explanation import Explanation, NextChange, StateReason
 from semmap_log.core.folds.history import HistoryEntry
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorPassed, DoorRequested
-from semmap_log.core.model.local_clock import Time
-from semmap_log.core.model.moments import Moment
+from semmap_log.core.model.moments import NEAR_NS, Moment, Time
 from semmap_log.errors import UnknownDoorError
 from semmap_log.log import DoorLog
 

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from semmap_log.core.folds.history import HistoryEntry
 from semmap_log.core.model.doors import Door, DoorId, DoorState, ShownAsTable
-from semmap_log.core.model.moments import SECOND_NS, format_utc
+from semmap_log.core.model.moments import format_utc
 
 
 class OpenChance(Protocol):
@@ -124,7 +124,3 @@ def _phrase(known: StateReason) -> str:
     if known.state is not None:
         return known.state.name
     return "removed" if known.is_removed else "not there"
-
-
-NEAR_NS = 10 * 60 * SECOND_NS
-"""What happened so long before or after a moment is near it."""

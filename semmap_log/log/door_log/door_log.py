@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from semmap_log.core.batches.event_batch import EventBatch, RecordedEvent, Retractions
 from semmap_log.core.folds.door_map import DoorMapState
-from semmap_log.core.folds.explanation import NEAR_NS
 from semmap_log.core.folds.projection import SAVE_EVERY_S, Projection
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import place_of
@@ -27,7 +26,7 @@ from semmap_log.core.late_answers import answer_of
 from semmap_log.core.model import events, moments
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import DOOR, DoorId, DoorMap, ObjectClass, ShownAsTable
-from semmap_log.core.model.local_clock import Time, check_time_unit, moment_of
+from semmap_log.core.model.moments import NEAR_NS, Time, check_time_unit, moment_of
 from semmap_log.core.texts import counted
 from semmap_log.errors import ClockTimeWarning, LogError, MomentError
 from semmap_log.log.door_log.queries import LogQueries, LogTables
