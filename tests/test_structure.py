@@ -299,7 +299,7 @@ FACE = "semmap_log.log"
 KERNEL = ("core", "store", "log")
 MOST_IN_FACE = 65
 """How many names the face has; who adds one to it takes another out, or says why there are more."""
-SEAM = "semmap_log.log.transport"
+SEAM = f"{FACE}.transport"
 """A log's files as they lie: for `fleet` alone."""
 
 

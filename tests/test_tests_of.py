@@ -33,7 +33,11 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("semmap_log/room/rows.py", "from semmap_log.core.model.doors import Door"),
         ("semmap_log/room/table.py", "from semmap_log.room import rows"),
         ("semmap_log/alone.py", "import semmap_log.core.model.doors"),
+        ("semmap_log/log/__init__.pyi", "from semmap_log.log.far import far as far"),
+        ("semmap_log/log/far.py", ""),
+        ("semmap_log/views/near.py", "from semmap_log.log import far"),
         ("tests/test_doors.py", ""),
+        ("tests/test_view.py", "from semmap_log.views.near import far"),
         ("tests/test_else.py", "from semmap_log.core.model.doors import Door"),
         ("tests/room/test_all.py", "import semmap_log.room.table"),
     ]:
@@ -56,6 +60,14 @@ def test_those_of_the_modules_name_come_first_and_the_nearest_behind(
         "semmap_log/core/model/doors.py: tests/test_else.py",
         "semmap_log/room/rows.py: tests/room/test_all.py",
     ]
+
+
+def test_a_name_leads_to_the_file_that_others_pass_it_on_from(
+    tree: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert 0 == tests_of.main([str(tree / "semmap_log/log/far.py")])
+
+    assert "semmap_log/log/far.py: tests/test_view.py\n" == capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", ["alone", "nothing"])

@@ -82,7 +82,26 @@ def _imports(path: Path) -> frozenset[str]:
         elif isinstance(node, ast.ImportFrom) and node.module:
             found.add(node.module)
             found.update(f"{node.module}.{alias.name}" for alias in node.names)
+            found.update(_home(node.module, alias.name) for alias in node.names)
     return frozenset(found | {name.rpartition(".")[0] for name in found if name.count(".") > 1})
+
+
+def _home(module: str, name: str) -> str:
+    """Return the module that a name comes from, which another only passes on."""
+    place = ROOT.joinpath(*module.split("."))
+    for path in (place / "__init__.pyi", place / "__init__.py", place.with_suffix(".py")):
+        if path.exists():
+            home = _passed_on(path).get(name, module)
+            return module if home == module else _home(home, name)
+    return module
+
+
+@cache
+def _passed_on(path: Path) -> dict[str, str]:
+    """Return the names that a file passes on, and the modules that it has them from."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    imports = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
+    return {alias.name: node.module or "" for node in imports for alias in node.names}
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from semmap_log.core.model.local_clock import LocalClock
 from semmap_log.core.model.moments import HOUR_NS, Moment, format_local
 
 if TYPE_CHECKING:
-    from semmap_log.core.model.local_clock import Time
+    from semmap_log.core.model.moments import Time
     from semmap_log.log import DoorLog
 
 SLOT_NS = HOUR_NS // 2

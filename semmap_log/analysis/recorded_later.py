@@ -11,8 +11,7 @@ from semmap_log.core.folds.explanation import StateReason
 from semmap_log.core.folds.history import HistoryEntry
 from semmap_log.core.folds.timeline import timeline
 from semmap_log.core.model.doors import DoorId
-from semmap_log.core.model.local_clock import Time
-from semmap_log.core.model.moments import Moment, format_local
+from semmap_log.core.model.moments import Moment, Time, format_local
 from semmap_log.log import DoorLog, Scope, Window
 
 AT_ALONE = 'with all that is known today, ask --at "{then}" alone'

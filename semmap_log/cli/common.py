@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from semmap_log.core.io.progress import Progress
     from semmap_log.core.io.url_path import UrlPath
     from semmap_log.core.model.doors import DoorId
-    from semmap_log.core.model.local_clock import Time
+    from semmap_log.core.model.moments import Time
     from semmap_log.log import About, DoorLog
     from semmap_log.views.palette import Palette
 

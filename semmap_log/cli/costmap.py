@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from semmap_log.analysis.costmaps import Costmap, CostmapOptions
     from semmap_log.core.model.doors import Door, DoorMap
     from semmap_log.core.model.events import FloorMap
-    from semmap_log.core.model.local_clock import Time
+    from semmap_log.core.model.moments import Time
     from semmap_log.interop.exporting.costmap_files import Part, RecordedCostmap
     from semmap_log.log import DoorLog
 

@@ -11,7 +11,7 @@ from semmap_log.cli.common import AsJson, LogPath, console, print_json, range_of
 from semmap_log.core.texts import command_line
 
 if TYPE_CHECKING:
-    from semmap_log.core.model.local_clock import Time
+    from semmap_log.core.model.moments import Time
     from semmap_log.log import DoorLog
 
 

@@ -13,7 +13,7 @@ import typer
 from semmap_log.cli import common
 
 if TYPE_CHECKING:
-    from semmap_log.core.model.local_clock import Time
+    from semmap_log.core.model.moments import Time
     from semmap_log.interop.exporting.log_files import RecordedBag
     from semmap_log.interop.exporting.stream import StreamOptions
     from semmap_log.log import DoorLog, Scope

@@ -131,7 +131,7 @@ def _check_together(by: str | None, pairs: Path | None, most_residual: float | N
 def _moment(log: DoorLog, level: str | None, about: About) -> RebaseMoment:
     """Return what the log holds when the new map comes; of a command sent again, as it was then."""
     from semmap_log.core.io.clock import SystemClock
-    from semmap_log.core.model.local_clock import happened_ns_of
+    from semmap_log.core.model.moments import happened_ns_of
     from semmap_log.interop.importing.rebase_files import RebaseMoment
     from semmap_log.log import DoorLogWriter
 

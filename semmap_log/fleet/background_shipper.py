@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from semmap_log.core.io.background_task import AbandonedWork, BackgroundTask
 from semmap_log.core.io.object_store import ObjectStore
 from semmap_log.core.io.url_path import UrlPath, place_of
-from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
+from semmap_log.core.messages import BAG_METADATA_NAME
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import NotALogError
 from semmap_log.fleet.shipping import Shipped, ship

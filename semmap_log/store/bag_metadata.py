@@ -13,8 +13,7 @@ from pathlib import PurePath
 from mcap.records import Statistics
 
 from semmap_log.core.lazily import late_pattern
-from semmap_log.core.messages import type_hash
-from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME, offered_qos
+from semmap_log.core.messages import BAG_METADATA_NAME, offered_qos, type_hash
 from semmap_log.store import byte_layout
 from semmap_log.store.folder import LogFolder
 from semmap_log.store.header import SegmentHeader

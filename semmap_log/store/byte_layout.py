@@ -64,8 +64,15 @@ from numpy.typing import NDArray
 
 from semmap_log.core.io.disk import TEMPORARY_SUFFIX
 from semmap_log.core.lazily import late_pattern
-from semmap_log.core.messages import OBJECT_KINDS, fixed_layout, ros_type, type_name
-from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME, TRANSIENT_LOCAL, VOLATILE
+from semmap_log.core.messages import (
+    BAG_METADATA_NAME,
+    OBJECT_KINDS,
+    TRANSIENT_LOCAL,
+    VOLATILE,
+    fixed_layout,
+    ros_type,
+    type_name,
+)
 from semmap_log.core.model.events import DOOR_KINDS, KINDS, FloorMap
 from semmap_log.store import records as mcap
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.lazily import late_pattern
-from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
+from semmap_log.core.messages import BAG_METADATA_NAME
 from semmap_log.errors import CorruptLogError, NewerLogError
 from semmap_log.store.bag_metadata import listed_names
 from semmap_log.store.byte_layout import (

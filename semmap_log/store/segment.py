@@ -31,8 +31,7 @@ from mcap.records import (
 from semmap_log.core.io.checksum import crc32
 from semmap_log.core.io.disk import write_all
 from semmap_log.core.io.reserved_blocks import ReservedBlocks
-from semmap_log.core.messages import schema_text, type_hash
-from semmap_log.core.messages.rosbag2 import LIBRARY, PROFILE, offered_qos
+from semmap_log.core.messages import LIBRARY, PROFILE, offered_qos, schema_text, type_hash
 from semmap_log.store import byte_layout
 from semmap_log.store import records as mcap
 from semmap_log.store.bag_metadata import ClosedSegment

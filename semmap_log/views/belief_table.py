@@ -20,8 +20,7 @@ from semmap_log.core.folds.history import Diff, HistoryEntry
 from semmap_log.core.folds.timeline import Timeline
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId, DoorMap, DoorState
-from semmap_log.core.model.local_clock import Time
-from semmap_log.core.model.moments import format_local
+from semmap_log.core.model.moments import Time, format_local
 from semmap_log.core.texts import counted
 from semmap_log.log import Appended, DoorLog
 from semmap_log.views import belief_words, column_table, tables

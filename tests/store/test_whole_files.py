@@ -26,7 +26,7 @@ from semmap_log.core.io.disk import (
     read_own,
     replace_file,
 )
-from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
+from semmap_log.core.messages import BAG_METADATA_NAME
 from semmap_log.errors import CheckpointError, OutputError
 from semmap_log.interop.formats.files.map_server_out import write_map
 from semmap_log.store.byte_layout import MOST_NAME_BYTES

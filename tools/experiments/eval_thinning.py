@@ -35,9 +35,7 @@ import semmap_log as sl
 from semmap_log.analysis.beliefs import probabilities
 from semmap_log.core.io.clock import KeptClock
 from semmap_log.core.model.events import DoorObserved
-from semmap_log.log.trimming.repeated_sightings import Thinning
-from semmap_log.log.trimming.trim_log import trim_log
-from semmap_log.store.compaction import compact
+from semmap_log.log import Thinning, compact, trim_log
 from semmap_log.store.reading.reader import LogReader
 
 ESTIMATORS = ("filter", "schedule", "count")

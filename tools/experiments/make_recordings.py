@@ -27,7 +27,7 @@ from patrol_sim.laser_recording import OFFICE_SCANS, make_bag, words_of
 from semmap_log.core.model.events import Event
 from semmap_log.core.model.moments import parse_instant
 from semmap_log.errors import SemmapError
-from semmap_log.store.compaction import compact
+from semmap_log.log import compact
 
 ROOT = Path(__file__).resolve().parents[2]
 MONDAY = "2026-03-02"

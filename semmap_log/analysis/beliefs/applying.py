@@ -13,9 +13,8 @@ from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Note, content_of
 from semmap_log.core.model.doors import Door, DoorId
 from semmap_log.core.model.events import DoorUpdated
-from semmap_log.core.model.local_clock import Time
 from semmap_log.core.model.meaning import Changed
-from semmap_log.core.model.moments import format_local
+from semmap_log.core.model.moments import Time, format_local
 from semmap_log.core.texts import counted
 from semmap_log.log import Appended, DoorLogWriter
 

@@ -15,7 +15,8 @@ from semmap_log.analysis.probabilities.estimator import StateModel
 from semmap_log.analysis.probabilities.evidence.coverage import HOURS, WeekMask
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId
-from semmap_log.core.model.local_clock import HOUR_S, Time
+from semmap_log.core.model.local_clock import HOUR_S
+from semmap_log.core.model.moments import Time
 from semmap_log.log import DoorLog
 
 if TYPE_CHECKING:

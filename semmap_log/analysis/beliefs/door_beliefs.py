@@ -24,8 +24,8 @@ from semmap_log.core.folds.door_index import doors_listed
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId, DoorMap, ShownAsTable
-from semmap_log.core.model.local_clock import LocalClock, Time
-from semmap_log.core.model.moments import HOUR_NS, Moment
+from semmap_log.core.model.local_clock import LocalClock
+from semmap_log.core.model.moments import HOUR_NS, Moment, Time
 from semmap_log.errors import MomentError, UnknownDoorError
 from semmap_log.log import DoorLog, warn_of_clock
 

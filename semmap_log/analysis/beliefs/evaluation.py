@@ -34,7 +34,8 @@ from semmap_log.analysis.probabilities.scores import (
 from semmap_log.analysis.probabilities.sensors.sensor_doubts import SensorDoubt
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId
-from semmap_log.core.model.local_clock import LocalClock, Time
+from semmap_log.core.model.local_clock import LocalClock
+from semmap_log.core.model.moments import Time
 from semmap_log.errors import EstimatorError
 from semmap_log.log import DoorLog, believable_span, warn_of_clock
 

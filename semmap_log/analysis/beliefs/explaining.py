@@ -18,8 +18,7 @@ from semmap_log.core.folds.history import HistoryEntry
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorPassed, DoorRequested
-from semmap_log.core.model.local_clock import Time
-from semmap_log.core.model.moments import NEAR_NS, Moment
+from semmap_log.core.model.moments import NEAR_NS, Moment, Time
 from semmap_log.errors import UnknownDoorError
 from semmap_log.log import DoorLog
 

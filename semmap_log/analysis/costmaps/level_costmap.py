@@ -23,7 +23,7 @@ from semmap_log.core.folds.levels import check_class, level_shown, resolve_level
 from semmap_log.core.folds.rebasing import are_same
 from semmap_log.core.model import events
 from semmap_log.core.model.doors import OUTLINE, DoorId, DoorMap, parse_outline
-from semmap_log.core.model.local_clock import Time
+from semmap_log.core.model.moments import Time
 from semmap_log.errors import CostmapError
 from semmap_log.log import DoorLog, FollowedCommit, Scope, warn_of_clock
 

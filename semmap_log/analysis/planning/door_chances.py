@@ -28,8 +28,8 @@ from semmap_log.core.folds.timeline import REPEATS_NS
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId, DoorState
 from semmap_log.core.model.events import DoorAdded, DoorObserved, DoorPassed, DoorRemoved
-from semmap_log.core.model.local_clock import LocalClock, Time
-from semmap_log.core.model.moments import DAY_NS, HOUR_NS, SECOND_NS, Moment
+from semmap_log.core.model.local_clock import LocalClock
+from semmap_log.core.model.moments import DAY_NS, HOUR_NS, SECOND_NS, Moment, Time
 from semmap_log.log import DoorLog
 
 STEP_S = 300.0

@@ -40,8 +40,7 @@ from semmap_log.analysis.rooms.room_graph import OUTSIDE, RoomGraph, RoomId
 from semmap_log.analysis.rooms.walking import SPEED_M_S
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId
-from semmap_log.core.model.local_clock import Time
-from semmap_log.core.model.moments import SECOND_NS, Moment
+from semmap_log.core.model.moments import SECOND_NS, Moment, Time
 from semmap_log.core.texts import counted
 from semmap_log.errors import PlanError
 from semmap_log.log import DoorLog

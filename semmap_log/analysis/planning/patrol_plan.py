@@ -23,7 +23,7 @@ from semmap_log.analysis.rooms.room_graph import OUTSIDE, Room, RoomId
 from semmap_log.analysis.rooms.walking import SPEED_M_S, TravelTimes
 from semmap_log.core.folds.levels import resolve_level
 from semmap_log.core.model.doors import Door, DoorId
-from semmap_log.core.model.local_clock import Time
+from semmap_log.core.model.moments import Time
 from semmap_log.errors import PlanError, UnknownDoorError, UnknownLevelError
 from semmap_log.log import DoorLog
 

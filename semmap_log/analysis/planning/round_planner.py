@@ -51,8 +51,7 @@ from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import Door, DoorId
 from semmap_log.core.model.events import RobotPose
-from semmap_log.core.model.local_clock import Time
-from semmap_log.core.model.moments import SECOND_NS, Moment
+from semmap_log.core.model.moments import SECOND_NS, Moment, Time
 from semmap_log.errors import PlanError
 from semmap_log.log import DoorLog
 

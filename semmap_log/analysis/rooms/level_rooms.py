@@ -31,8 +31,7 @@ from semmap_log.analysis.rooms.regions import Regions, regions_of
 from semmap_log.core.folds.levels import only_doors
 from semmap_log.core.model.doors import Door, DoorMap
 from semmap_log.core.model.events import FloorMap
-from semmap_log.core.model.local_clock import Time
-from semmap_log.core.model.moments import format_local
+from semmap_log.core.model.moments import Time, format_local
 from semmap_log.log import DoorLog
 
 

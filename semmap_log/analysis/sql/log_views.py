@@ -36,9 +36,8 @@ from semmap_log.core.folds.history import ROUND_KINDS, HistoryEntry, Round, roun
 from semmap_log.core.model.commits import NOTE_TEXTS, Commit, Note
 from semmap_log.core.model.doors import MAX_DOOR_ID, Door, DoorId, DoorMap, DoorState
 from semmap_log.core.model.events import KINDS, RobotPose
-from semmap_log.core.model.local_clock import Time
 from semmap_log.core.model.meaning import FIELDS
-from semmap_log.core.model.moments import SECOND_NS, parse_duration
+from semmap_log.core.model.moments import SECOND_NS, Time, parse_duration
 from semmap_log.log import DoorLog, LogPart, Window, kinds_mask
 
 

@@ -33,7 +33,7 @@ from semmap_log.analysis.sql.log_views import (
 from semmap_log.core.arrow.arrow_sdk import pa
 from semmap_log.core.arrow.event_view import EVENT_VIEW
 from semmap_log.core.arrow.table import Column
-from semmap_log.core.model.local_clock import Time
+from semmap_log.core.model.moments import Time
 from semmap_log.core.texts import counted
 from semmap_log.errors import CommandError, KnownLaterWarning, SemmapError, SqlError
 from semmap_log.log import DoorLog

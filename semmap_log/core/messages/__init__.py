@@ -4,7 +4,12 @@ The only package that knows CDR. The `.msg` texts are the definition; layouts ar
 """
 
 from semmap_log.core.messages.layout import (
+    BAG_METADATA_NAME,
+    LIBRARY,
     OBJECT_KINDS,
+    PROFILE,
+    TRANSIENT_LOCAL,
+    VOLATILE,
     Layout,
     decode,
     encode,
@@ -12,6 +17,7 @@ from semmap_log.core.messages.layout import (
     field_getters,
     fixed_layout,
     layout,
+    offered_qos,
     ros_type,
 )
 from semmap_log.core.messages.type_hash import (
@@ -28,8 +34,8 @@ from semmap_log.core.messages.type_hash import (
 )
 
 __all__ = [
-    "CDR_HEADER",
-    "OBJECT_KINDS", "OCCUPANCY_GRID", "PACKAGE", "Layout", "comments_of", "decode", "encode",
-    "field_getter", "field_getters", "fixed_layout", "layout", "message_text", "read_message",
-    "ros_type", "schema_text", "type_hash", "type_name", "write_message",
+    "BAG_METADATA_NAME", "CDR_HEADER", "LIBRARY", "OBJECT_KINDS", "OCCUPANCY_GRID", "PACKAGE",
+    "PROFILE", "TRANSIENT_LOCAL", "VOLATILE", "Layout", "comments_of", "decode", "encode",
+    "field_getter", "field_getters", "fixed_layout", "layout", "message_text", "offered_qos",
+    "read_message", "ros_type", "schema_text", "type_hash", "type_name", "write_message",
 ]  # fmt: skip

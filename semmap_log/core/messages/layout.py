@@ -4,7 +4,7 @@ CDR (XCDR1, little endian, as ROS 2 writes it): four bytes of encapsulation, the
 order, each aligned to its own size, counted from the end of those four bytes. A message without
 strings and unbounded arrays therefore always has one size, and n of them are one numpy array.
 
-Also converts single events to CDR bytes and back.
+Also converts single events to CDR bytes and back; and what rosbag2 expects of a file of messages.
 """
 
 from __future__ import annotations
@@ -236,3 +236,24 @@ def layout(name: str) -> Layout:
         }
     )
     return Layout(name, tuple(names), dtype, struct.Struct(codes))
+
+
+PROFILE = "ros2"
+LIBRARY = "semmap-log"
+BAG_METADATA_NAME = "metadata.yaml"
+VOLATILE, TRANSIENT_LOCAL = "volatile", "transient_local"
+
+
+def offered_qos(durability: str) -> str:
+    """Return a channel's QoS as rosbag2 writes it, one block for all topics.
+
+    In words, as version 9 has it: it takes a number for an unknown policy (rosbag2_storage/qos.cpp)
+    and would play nothing. rosbags drops, in silence, a file whose channel and metadata.yaml differ
+    here: both are written from this text.
+    """
+    infinite = "{sec: 9223372036, nsec: 854775807}"
+    return (
+        f"- {{history: keep_last, depth: 10, reliability: reliable, durability: {durability}, "
+        f"deadline: {infinite}, lifespan: {infinite}, liveliness: automatic, "
+        f"liveliness_lease_duration: {infinite}, avoid_ros_namespace_conventions: false}}"
+    )

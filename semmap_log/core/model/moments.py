@@ -11,14 +11,16 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import datetime, timedelta, timezone
+from datetime import date, datetime, timedelta, timezone
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from semmap_log.core.io.clock import MAX_TIME_NS
 from semmap_log.core.lazily import late_pattern
-from semmap_log.core.model.events import MAX_EVENT
+from semmap_log.core.model.events import MAX_EVENT, is_whole_number
 from semmap_log.errors import MomentError
 
 if TYPE_CHECKING:
@@ -32,8 +34,6 @@ USUAL_HOLDS = 3
 MOST_HOLDS = 10**9 - 1
 SECONDS_DIGITS, NANOSECONDS_DIGITS = 10, 18
 """`@n` counts seconds up to so many digits (2262), and nanoseconds from so many on (1973)."""
-NEAR_NS = 10 * 60 * SECOND_NS
-"""What happened so long before or after a moment is near it."""
 _UNITS = {range(12, 15): "milliseconds", range(15, 18): "microseconds"}
 """What a number of so many digits counts, of a time of these decades."""
 
@@ -435,3 +435,92 @@ def machine_zone() -> str:
                 continue
             return name
     return "UTC"
+
+
+Time = int | str | date | np.datetime64 | Moment | None
+"""Nanoseconds UTC, a text as on the command line (`2026-03-01T14:02`, `2h ago`, `event:12`), a
+datetime, date or pandas Timestamp (without a zone it is in the log's), a numpy.datetime64 (UTC), or
+what `moment` made of one."""
+
+
+NUMBER_UNITS = {"seconds": 10**9, "milliseconds": 10**12, "microseconds": 10**15}
+"""What a number may be of instead, from 2001 to 2286, from so many on to ten times as many."""
+
+
+def moment_of(
+    time: Time,
+    *,
+    tz: str,
+    end_ns: Callable[[], int],
+    last_ns: Callable[[], int] | None = None,
+) -> Moment:
+    """Return what a time means in a log.
+
+    Args:
+        time: A moment in any of its forms.
+        tz: The log's zone.
+        end_ns: Returns what `now` is, and `2h ago` counts from; called only where that matters.
+        last_ns: Returns up to when `14:02` is the last one; default: `end_ns`.
+
+    Raises:
+        MomentError: It cannot be read.
+    """
+    if time is None:
+        return Moment()
+    if isinstance(time, Moment):
+        return time
+    if isinstance(time, date):
+        time = time.isoformat()
+    elif isinstance(time, np.datetime64):
+        time = int(time.astype("datetime64[ns]").astype(np.int64))
+    if isinstance(time, str):
+        return parse_moment(time, tz=tz, end_ns=end_ns, last_ns=last_ns)
+    if not is_whole_number(time):
+        raise MomentError(
+            f"expected a time as whole nanoseconds since 1970, a text such as {INSTANTS}, or a "
+            f"datetime; got {time!r}."
+        )
+    return Moment(ns=int(time))
+
+
+def check_time_unit(time: int, first_ns: Callable[[], int | None]) -> None:
+    """Refuse a number that would be in January 1970 as nanoseconds, in a log that begins later.
+
+    Args:
+        time: Nanoseconds.
+        first_ns: Returns when the log begins; called only for a number of that time.
+
+    Raises:
+        MomentError: It is one, and says which unit it may be of.
+    """
+    for unit, least in NUMBER_UNITS.items():
+        if least <= time < 10 * least and (first_ns() or 0) > 100 * NUMBER_UNITS["microseconds"]:
+            factor = 10**18 // least
+            raise MomentError(
+                f"expected a time as whole nanoseconds since 1970, got {time}, which looks like "
+                f"{unit}; multiply by {factor:_}."
+            )
+
+
+def happened_ns_of(time: Time, *, tz: str, now_ns: int) -> int | None:
+    """Return the happened time that a caller gives; None: none is given.
+
+    Args:
+        time: A moment in any of its forms, but for the number of an event.
+        tz: The log's zone.
+        now_ns: What `now` is, and `2h ago` counts from.
+
+    Raises:
+        MomentError: It cannot be read, or is the number of an event.
+    """
+    moment = moment_of(time, tz=tz, end_ns=lambda: now_ns)
+    if moment.event is not None:
+        raise MomentError(
+            f"expected when it happened, a time such as {INSTANTS}; got the number of event "
+            f"{moment.event}; `show` prints its time."
+        )
+    return moment.ns
+
+
+NEAR_NS = 10 * 60 * SECOND_NS
+"""What happened so long before or after a moment is near it."""

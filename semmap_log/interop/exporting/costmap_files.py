@@ -28,8 +28,7 @@ from semmap_log.core.io.progress import Progress
 from semmap_log.core.lazily import computed_once
 from semmap_log.core.model.doors import Door, middle_of
 from semmap_log.core.model.events import FloorMap
-from semmap_log.core.model.local_clock import Time
-from semmap_log.core.model.moments import format_local
+from semmap_log.core.model.moments import Time, format_local
 from semmap_log.errors import FormatError
 from semmap_log.interop.formats.bags.bag_reading import bytes_of, new_bag
 from semmap_log.interop.formats.files.map_server_out import write_costs, write_map

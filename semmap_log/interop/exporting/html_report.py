@@ -9,7 +9,7 @@ from pathlib import Path
 from semmap_log.core.io.disk import check_outside_log, output_errors, replace_file
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.doors import DoorId
-from semmap_log.core.model.local_clock import Time
+from semmap_log.core.model.moments import Time
 from semmap_log.errors import FormatError
 from semmap_log.log import DoorLog
 from semmap_log.views.palette import DEFAULT, Palette

@@ -26,8 +26,7 @@ from semmap_log.core.io.disk import atomic_file, check_outside_log, output_error
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import DoorId, DoorMap
-from semmap_log.core.model.local_clock import Time
-from semmap_log.core.model.moments import Moment
+from semmap_log.core.model.moments import Moment, Time
 from semmap_log.core.texts import counted
 from semmap_log.errors import CommandError, FormatError, UnknownLevelError
 from semmap_log.interop.exporting.costmap_files import write_costmap

@@ -27,8 +27,7 @@ from semmap_log.core.folds.history import HistoryEntry, history
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.model import events as ev
 from semmap_log.core.model.doors import DOOR, DoorId, DoorMap
-from semmap_log.core.model.local_clock import Time
-from semmap_log.core.model.moments import check_ordered
+from semmap_log.core.model.moments import Time, check_ordered
 from semmap_log.interop.exporting import stream_topics
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic
 from semmap_log.interop.formats.ros import ros_types

@@ -32,7 +32,7 @@ from semmap_log.core.io.clock import believable_ns
 from semmap_log.core.model import doors
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Note
 from semmap_log.core.model.events import ClassDefined, Event, RobotPose, is_whole_number
-from semmap_log.core.model.local_clock import Time, happened_ns_of
+from semmap_log.core.model.moments import Time, happened_ns_of
 from semmap_log.log.door_log.known_past import KnownPast
 from semmap_log.log.replay.written_state import WrittenState
 from semmap_log.store.gone_commands import StoredCommand

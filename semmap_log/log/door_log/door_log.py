@@ -26,7 +26,7 @@ from semmap_log.core.late_answers import answer_of
 from semmap_log.core.model import events, moments
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import DOOR, DoorId, DoorMap, ObjectClass, ShownAsTable
-from semmap_log.core.model.local_clock import Time, check_time_unit, moment_of
+from semmap_log.core.model.moments import NEAR_NS, Time, check_time_unit, moment_of
 from semmap_log.core.texts import counted
 from semmap_log.errors import ClockTimeWarning, LogError, MomentError
 from semmap_log.log.door_log.queries import LogQueries, LogTables
@@ -613,7 +613,7 @@ class DoorLog(LogTables, LogQueries, ShownAsTable):
         at: Time = None,
         known_at: Time = None,
         *,
-        near_ns: int = moments.NEAR_NS,
+        near_ns: int = NEAR_NS,
         progress: Progress | None = None,
     ) -> Explanation:
         """Return why a door was in a state: what was true, what was believed, since when, by whom.

@@ -14,7 +14,7 @@ from semmap_log.core.model import events as ev
 from semmap_log.core.model.commits import NO_CONTENT, Commit, Note
 from semmap_log.core.model.doors import NAN, DoorId, DoorMap, DoorState, Geometry, split_words
 from semmap_log.core.model.keywords import check_keywords
-from semmap_log.core.model.local_clock import Time
+from semmap_log.core.model.moments import Time
 from semmap_log.errors import InvalidEventError
 from semmap_log.log.door_log import current_map
 from semmap_log.log.door_log.appender import Appended, Appender

@@ -21,7 +21,7 @@ from semmap_log.core.io.progress import Progress
 from semmap_log.core.late_answers import answer_of
 from semmap_log.core.model import events
 from semmap_log.core.model.doors import DoorId, DoorMap
-from semmap_log.core.model.local_clock import Time
+from semmap_log.core.model.moments import Time
 from semmap_log.errors import UnknownDoorError
 from semmap_log.log.replay.replay import Scope, replay
 from semmap_log.store.pages import kinds_mask

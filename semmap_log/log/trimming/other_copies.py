@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from semmap_log.core.io.disk import TEMPORARY_SUFFIX, open_plainly
-from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
+from semmap_log.core.messages import BAG_METADATA_NAME
 from semmap_log.errors import LogError
 from semmap_log.log.replay.read_model.events_about import FOLDER as INDEX_FOLDER
 from semmap_log.log.replay.read_model.indexing import remove_stale_tables_alone

@@ -24,7 +24,7 @@ from semmap_log.core.io.disk import sync_folder
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.core.io.virtual_logs import check_not_virtual
-from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
+from semmap_log.core.messages import BAG_METADATA_NAME
 from semmap_log.core.texts import command_line
 from semmap_log.store import byte_layout
 from semmap_log.store.bag_metadata import write_bag_metadata

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from semmap_log.core.io.byte_source import ByteSource
 from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.core.io.virtual_logs import has_virtual_suffix
-from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
+from semmap_log.core.messages import BAG_METADATA_NAME
 from semmap_log.core.texts import command_line
 from semmap_log.errors import CorruptLogError, LogAccessError, LogError, NotALogError
 from semmap_log.store import removed_part

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from semmap_log.core.io.byte_source import ByteSource
 from semmap_log.core.lazily import computed_once
-from semmap_log.core.messages.rosbag2 import PROFILE
+from semmap_log.core.messages import PROFILE
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogError, NewerLogError, NotALogError
 from semmap_log.store import records as mcap

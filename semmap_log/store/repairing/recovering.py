@@ -27,7 +27,7 @@ from pathlib import Path
 from semmap_log.core.io.clock import Clock, SystemClock
 from semmap_log.core.io.disk import TEMPORARY_SUFFIX, sync_folder
 from semmap_log.core.io.virtual_logs import check_not_virtual
-from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
+from semmap_log.core.messages import BAG_METADATA_NAME
 from semmap_log.core.model.commits import Note
 from semmap_log.core.model.events import Event, LogExported
 from semmap_log.core.texts import command_line, counted

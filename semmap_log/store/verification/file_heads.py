@@ -12,7 +12,7 @@ from pathlib import PurePath
 from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
 
-from semmap_log.core.messages.rosbag2 import LIBRARY, PROFILE
+from semmap_log.core.messages import LIBRARY, PROFILE
 from semmap_log.errors import LogAccessError, LogError, NewerLogError
 from semmap_log.store import byte_layout
 from semmap_log.store import records as mcap

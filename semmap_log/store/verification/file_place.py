@@ -18,7 +18,7 @@ from typing import Protocol
 
 from semmap_log.core.io.checksum import crc32
 from semmap_log.core.io.disk import open_plainly, read_into, read_page_into
-from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
+from semmap_log.core.messages import BAG_METADATA_NAME
 from semmap_log.errors import LogAccessError
 from semmap_log.store.byte_layout import MOST_LIST_BYTES
 from semmap_log.store.closed_mark import ClosedMark, read_mark

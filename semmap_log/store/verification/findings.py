@@ -12,7 +12,7 @@ from enum import IntEnum
 from pathlib import Path, PurePath
 
 from semmap_log.core.io.disk import TEMPORARY_SUFFIX
-from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
+from semmap_log.core.messages import BAG_METADATA_NAME
 from semmap_log.core.texts import command_line, counted
 from semmap_log.errors import CorruptLogError, LogAccessError
 from semmap_log.store import byte_layout

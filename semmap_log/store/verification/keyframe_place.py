@@ -15,7 +15,7 @@ from typing import Protocol
 
 from semmap_log.core.io.object_store import ObjectStatus, ObjectStore
 from semmap_log.core.io.url_path import UrlPath
-from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
+from semmap_log.core.messages import BAG_METADATA_NAME
 from semmap_log.errors import LogAccessError, LogError, ObjectChangedError
 from semmap_log.store import closed_mark
 from semmap_log.store.byte_layout import MANIFEST_NAME, MOST_LIST_BYTES, mark_names

@@ -22,7 +22,7 @@ from semmap_log.core.model.moments import check_ordered
 from semmap_log.log import Scope, Window, kinds_mask, warn_of_clock
 
 if TYPE_CHECKING:
-    from semmap_log.core.model.local_clock import Time
+    from semmap_log.core.model.moments import Time
     from semmap_log.log import DoorLog
 
 

@@ -26,7 +26,7 @@ from semmap_log.views.zone_times import MS_NS, Span, zone_offsets
 
 if TYPE_CHECKING:
     from semmap_log.core.io.progress import Progress
-    from semmap_log.core.model.local_clock import Time
+    from semmap_log.core.model.moments import Time
     from semmap_log.log import DoorLog
 
 WIDE_IN = 10.0

@@ -55,7 +55,7 @@ from semmap_log.views.tail_lines import LATE_NS
 from semmap_log.views.zone_times import DAY_MS, MS_NS, Span, first_ms, how_to_begin, zone_offsets
 
 if TYPE_CHECKING:
-    from semmap_log.core.model.local_clock import Time
+    from semmap_log.core.model.moments import Time
 
 
 MARGIN_MS = 8 * DAY_MS

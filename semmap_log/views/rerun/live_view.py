@@ -27,8 +27,8 @@ from semmap_log.core.io.progress import Progress
 from semmap_log.core.model import events
 from semmap_log.core.model.commits import Commit
 from semmap_log.core.model.doors import DoorId
-from semmap_log.core.model.local_clock import Time
 from semmap_log.core.model.meaning import Changed, Presence
+from semmap_log.core.model.moments import Time
 from semmap_log.errors import ViewerError
 from semmap_log.log import DoorLog, FollowedCommit
 from semmap_log.views.bounds import Bounds

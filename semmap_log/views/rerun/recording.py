@@ -56,7 +56,7 @@ from semmap_log.views.rerun.week_pictures import sheet_of, weeks_on, weeks_path
 
 if TYPE_CHECKING:
     from semmap_log.analysis.scans.visit import VisitReader
-    from semmap_log.core.model.local_clock import Time
+    from semmap_log.core.model.moments import Time
     from semmap_log.log import DoorLog
 
 

@@ -6,7 +6,7 @@ from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
+from semmap_log.core.messages import BAG_METADATA_NAME
 from semmap_log.errors import LogAccessError, NotALogError
 from semmap_log.store.closed_mark import ClosedMark, read_mark
 from semmap_log.store.folder import LogFolder

@@ -10,7 +10,7 @@ from patrol_sim.journal import SimulatedClock
 import semmap_log as sl
 from semmap_log.core.model.commits import Note
 from semmap_log.core.model.events import Event
-from semmap_log.store.compaction import compact
+from semmap_log.log import compact
 
 
 class SimulatedLog:

@@ -16,13 +16,7 @@ from struct import Struct, unpack_from
 from typing import Any, BinaryIO, Protocol
 from zlib import crc32
 
-from semmap_log.core.messages.rosbag2 import (
-    LIBRARY,
-    PROFILE,
-    TRANSIENT_LOCAL,
-    VOLATILE,
-    offered_qos,
-)
+from semmap_log.core.messages import LIBRARY, PROFILE, TRANSIENT_LOCAL, VOLATILE, offered_qos
 from semmap_log.core.texts import command_line
 from semmap_log.errors import FormatError
 from semmap_log.interop.formats.bags.unpacking import (

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from semmap_log.core.io.disk import atomic_file, atomic_folder, output_errors
-from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
+from semmap_log.core.messages import BAG_METADATA_NAME
 from semmap_log.errors import FormatError
 from semmap_log.interop.formats.bags.bag_protocol import (
     BagChannel,

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from semmap_log.core.messages.rosbag2 import BAG_METADATA_NAME
+from semmap_log.core.messages import BAG_METADATA_NAME
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic, NewBag, mcap_bag, qos_of
 from semmap_log.interop.formats.ros.ros_types import RosVersion, ros_types
 

@@ -29,7 +29,7 @@ from semmap_log.analysis.scans.visit import (
     topic_part,
 )
 from semmap_log.core.io.disk import atomic_file, output_errors, sync_folder
-from semmap_log.core.messages.rosbag2 import LIBRARY, PROFILE
+from semmap_log.core.messages import LIBRARY, PROFILE
 from semmap_log.interop.formats.bags.bag_protocol import BagTopic, qos_of
 from semmap_log.interop.formats.kept_scans import reading, scan_messages
 from semmap_log.interop.formats.parsing.foreign_file import open_regular

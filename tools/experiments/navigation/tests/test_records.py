@@ -18,7 +18,7 @@ from navigation.runs import find_runs, read_run, second_of
 from navigation.tests.corridor import CLOSED, DOORS, OPEN, drive, plan
 from navigation.wrong_beliefs import wrong_doors, wrong_share
 from semmap_log.core.model.events import DoorObserved, DoorUpdated, RobotPose
-from semmap_log.log.replay.maintenance import verify
+from semmap_log.log import verify
 
 KEY = RunKey("corridor", "map", "fixed", 1)
 
