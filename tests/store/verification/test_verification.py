@@ -414,6 +414,17 @@ def test_a_bad_place_before_what_was_not_durable_is_a_torn_tail(tmp_path: Path) 
     assert (3, "torn", 1) == (found.exit_code, worst(found).kind, found.events)
 
 
+def test_a_whole_index_that_cannot_be_read_is_damage(live: Path) -> None:
+    """A crash during the closing leaves a part of it, never another."""
+    file = segment(live, 2)
+    end = open_segment(file).valid_end
+    file.write_bytes(file.read_bytes()[:end] + mcap.FRAME.pack(Opcode.METADATA, 3) + b"abc")
+
+    found = verify(live)
+
+    assert (4, "index") == (found.exit_code, worst(found).kind)
+
+
 def test_what_is_no_log(tmp_path: Path) -> None:
     """Nothing there, an empty folder, a text, an empty file, somebody else's MCAP file: 5."""
     from mcap.writer import Writer
