@@ -400,14 +400,15 @@ def test_a_record_belongs_to_an_event(problem: str, log: Path) -> None:
     assert any(problem in finding.text for finding in verify(log).findings)
 
 
-def test_a_bad_place_before_what_was_not_durable_is_a_torn_tail(tmp_path: Path) -> None:
-    """Of a live segment: a disk may write the later bytes first."""
+@pytest.mark.parametrize("byte", [0, mcap.FRAME.size])
+def test_a_bad_place_before_what_was_not_durable_is_a_torn_tail(byte: int, tmp_path: Path) -> None:
+    """Of a live segment, its frame or its times: a disk may write the later bytes first."""
     with sl.create(tmp_path / "log", tz="UTC", durability="flush") as log:
         for _ in range(3):
             log.add_door()
         live = Path(shutil.copytree(tmp_path / "log", tmp_path / "live"))
     chunk = open_segment(segment(live, 0)).chunks[-2]
-    flip(segment(live, 0), chunk.offset, 7)
+    flip(segment(live, 0), chunk.offset + byte, 7)
 
     found = verify(live)
 
