@@ -29,7 +29,12 @@ from semmap_log.core.model.events import (
     LevelAdded,
     RobotPose,
 )
-from semmap_log.errors import InvalidEventError, LevelNameWarning, UnknownLevelError
+from semmap_log.errors import (
+    CommandError,
+    InvalidEventError,
+    LevelNameWarning,
+    UnknownLevelError,
+)
 from semmap_log.interop.importing.importing import ImportOptions, import_file
 from semmap_log.live.ros.line_recorder import LineAnswer, LineRecorder
 
@@ -114,6 +119,21 @@ def test_what_is_no_level_is_refused(tmp_path: Path, level: Any) -> None:
         log.append([LevelAdded(level=1, name="L1")])
         with pytest.raises(InvalidEventError, match="level: expected a whole number from 0"):
             log.add_door(**PLACE, level=level)
+
+
+def test_a_name_is_used_once_a_level(tmp_path: Path) -> None:
+    """By a door that is added, and by one that gets a name."""
+    with new_log(tmp_path, "L1", "L2") as log:
+        front = log.add_door(level="L1", name="front")
+        other = log.add_door(level="L1")
+        log.annotate(front, "name", "front")
+        for again in (
+            lambda: log.add_door(level="L1", name="front"),
+            lambda: log.annotate(other, "name", "front"),
+        ):
+            with pytest.raises(CommandError, match="door 1 of that level is called 'front'"):
+                again()
+        log.annotate(log.add_door(level="L2"), "name", "front")
 
 
 def test_waiting_poses_are_put_on_the_level_at_once(tmp_path: Path) -> None:

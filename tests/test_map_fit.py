@@ -111,6 +111,13 @@ def test_pairs_that_spoil_the_fit_are_named(seed: int) -> None:
         check_fit(fit)
 
 
+def test_where_half_of_the_pairs_fit_none_is_named() -> None:
+    """The other half may be right."""
+    fit = fit_maps(paired([0j, 20 + 0j, 20 + 10j, 10j], [0j, 20 + 0j, 26 + 18j, 16j]))
+
+    assert () == fit.misfits
+
+
 def test_a_pair_within_the_limit_that_spoils_is_named() -> None:
     """0.2 m off, where the others fit to a centimetre: taken, and said."""
     old = [0j, 20 + 0j, 20 + 10j, 10j, 10 + 5j]

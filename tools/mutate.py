@@ -41,7 +41,7 @@ ROOMS = (
 )  # fmt: skip
 COPIED = ("semmap_log", "tests", "tools", "pyproject.toml")
 LINKED = ("recordings", "docs", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", ".ci")
-NEAREST_FILES, MOST_CALLERS = 8, 4
+NEAREST_FILES, MOST_CALLERS = 80, 4
 TEST_TIMEOUT_S, STAGE_TIMEOUT_S = 120, 900
 MEMORY_BYTES = 12 * 2**30
 

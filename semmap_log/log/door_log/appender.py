@@ -157,7 +157,6 @@ class Appender:
         """
         with self._lock:
             self._writer.check_usable()
-            self.now.take_in()
             if pose.happened_ns is None:
                 pose = replace(pose, happened_ns=self.now.now_ns())
             pose = replace(pose, level=self.now.level_meant(pose.level))

@@ -281,8 +281,8 @@ class ObjectPlace:
 
     def differences(self, found: Sequence[ShippedSegment]) -> list[tuple[PurePath, str]]:
         """Return where the segments differ from the manifest: in every field."""
-        manifest = None if self._manifest is None else self._manifest.manifest
-        told = {} if manifest is None else {one.name: one for one in manifest.segments}
+        stated = () if self._manifest is None else self._manifest.manifest.segments
+        told = {one.name: one for one in stated}
         return [
             (self.path / one.name, f"{MANIFEST_NAME}: {text}")
             for one in found

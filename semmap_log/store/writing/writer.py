@@ -68,9 +68,10 @@ class LogWriter:
         self.entropy = environment.entropy
         self.policy = policy = environment.policy
         self.next_event = 0
-        self.last_ns = 0
+        self.last_ns: int
+        """Given when the log is begun, or taken up."""
         self._last_hash = NO_HASH
-        self.written = Written(0, NO_HASH, 0)
+        self.written = Written(self.next_event, NO_HASH, 0)
         """How far it has come; one value, for other threads."""
         self._lock = lock
         self._commands = CommandMemory(folder, lambda: self._chain.live, self.flush)

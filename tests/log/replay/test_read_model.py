@@ -31,6 +31,7 @@ from semmap_log.log.replay.maintenance import verify
 from semmap_log.log.replay.read_model import events_about
 from semmap_log.log.replay.read_model.indexing import index
 from semmap_log.store.compaction import compact
+from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
 from tests.other_process import NOBODY, only_root, other_process
 from tests.test_replay import random_log as any_log
@@ -320,6 +321,21 @@ def test_the_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "tables made       0" in said
     run(["index", str(log), "--anew", "--json"])
     assert json.loads(capsys.readouterr().out)["made"] == first["made"]
+
+
+def test_tables_hold_the_commits(tmp_path: Path) -> None:
+    """Who and why: else the log itself would answer, and take longer."""
+    log = random_log(tmp_path / "log", 11, commits=100)
+    index(log)
+    reader = LogReader(log)
+    tables = events_about.SegmentTables.of(log / "index", reader.segments[0])
+    assert tables is not None
+
+    found = tables.commits
+
+    commits = list(reader.commits())[: len(found.first_event)]
+    assert [c.first_event for c in commits] == found.first_event.tolist()
+    assert [c.note.actor for c in commits] == [found.texts[n][0] for n in found.notes.tolist()]
 
 
 def test_info_tells_how_far_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -34,6 +34,7 @@ from semmap_log.core.model.events import (
 )
 from semmap_log.errors import HorizonError, HorizonWarning
 from semmap_log.log.replay.read_model.indexing import index
+from semmap_log.log.replay.state import state_at
 from semmap_log.log.trimming.trim_log import Retention, trim_log
 from semmap_log.store.reading.reader import LogReader
 from semmap_log.store.writing import segment_chain
@@ -71,6 +72,12 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Logs:
     trim_log(kept, Retention(LogReader(kept), middle.recorded[0]), writing={"clock": clock})
     assert 0 < LogReader(kept).horizon <= middle.header.first_event
     return Logs(whole, kept, LogReader(kept).horizon_ns, end_ns)
+
+
+def test_without_keyframes_there_is_no_state(logs: Logs) -> None:
+    """It would lack what is gone."""
+    with pytest.raises(HorizonError):
+        state_at(LogReader(logs.kept), uses_keyframes=False)
 
 
 def _write(log: sl.DoorLogWriter, clock: MinuteClock) -> None:

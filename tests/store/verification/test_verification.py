@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from mcap.opcode import Opcode
 
 import semmap_log as sl
+from semmap_log.errors import NewerLogError
 from semmap_log.log.replay.maintenance import verify
 from semmap_log.store import records as mcap
-from semmap_log.store.byte_layout import KEYFRAME_CHANNEL, NOTE_CHANNEL
+from semmap_log.store.byte_layout import COMMIT_CHANNEL, KEYFRAME_CHANNEL, NOTE_CHANNEL
 from semmap_log.store.chunks import build_chunk
 from semmap_log.store.compaction import compact
 from semmap_log.store.folder import LogFolder
@@ -337,6 +338,14 @@ def identity_of(file: Path) -> tuple[int, int]:
     return file.stat().st_dev, file.stat().st_ino
 
 
+SEQUENCED = {
+    "a note that is not of its last event": NOTE_CHANNEL,
+    "its Commit record lacks its last event's number": COMMIT_CHANNEL,
+    "a keyframe of another event": KEYFRAME_CHANNEL,
+}
+"""What is found where such a record has the next number."""
+
+
 def rewritten(file: Path, change: str) -> None:
     """Change a segment as a forger would: every checksum fits again, but not the hashes."""
     from semmap_log.store.pages import Page
@@ -356,10 +365,9 @@ def rewritten(file: Path, change: str) -> None:
             records = bytearray(read_chunk(old, other))
         if change == "left out" and number == 2:
             continue
-        for place in np.flatnonzero(page.heads["channel_id"] == NOTE_CHANNEL):
-            if change == "note":
-                at = page.offsets[place] + mcap.FRAME.size + 2
-                records[at : at + 4] = int(page.heads["sequence"][place] + 1).to_bytes(4, "little")
+        for place in np.flatnonzero(page.heads["channel_id"] == SEQUENCED.get(change, -1)):
+            at = page.offsets[place] + mcap.FRAME.size + 2
+            records[at : at + 4] = int(page.heads["sequence"][place] + 1).to_bytes(4, "little")
         page = Page(bytes(records), old.header.first_event, file)
         writer.add(build_chunk(bytes(records), page.offsets), levels=page.levels)
     writer.close()
@@ -384,12 +392,38 @@ def test_a_forger_who_mends_the_checksums_is_found(change: str, kinds: set[str],
     assert kinds == {f.kind for f in found.of(Severity.DAMAGE)}
 
 
-def test_a_note_belongs_to_the_last_event_of_its_commit(log: Path) -> None:
-    """A note with another sequence is named as such."""
-    rewritten(segment(log, 1), "note")
+@pytest.mark.parametrize("problem", SEQUENCED)
+def test_a_record_belongs_to_an_event(problem: str, log: Path) -> None:
+    """One with the number of another event is named."""
+    rewritten(segment(log, 1), problem)
 
-    texts = [finding.text for finding in verify(log).findings]
-    assert any("a note that is not of its last event" in text for text in texts)
+    assert any(problem in finding.text for finding in verify(log).findings)
+
+
+@pytest.mark.parametrize("byte", [0, mcap.FRAME.size])
+def test_a_bad_place_before_what_was_not_durable_is_a_torn_tail(byte: int, tmp_path: Path) -> None:
+    """Of a live segment, its frame or its times: a disk may write the later bytes first."""
+    with sl.create(tmp_path / "log", tz="UTC", durability="flush") as log:
+        for _ in range(3):
+            log.add_door()
+        live = Path(shutil.copytree(tmp_path / "log", tmp_path / "live"))
+    chunk = open_segment(segment(live, 0)).chunks[-2]
+    flip(segment(live, 0), chunk.offset + byte, 7)
+
+    found = verify(live)
+
+    assert (3, "torn", 1) == (found.exit_code, worst(found).kind, found.events)
+
+
+def test_a_whole_index_that_cannot_be_read_is_damage(live: Path) -> None:
+    """A crash during the closing leaves a part of it, never another."""
+    file = segment(live, 2)
+    end = open_segment(file).valid_end
+    file.write_bytes(file.read_bytes()[:end] + mcap.FRAME.pack(Opcode.METADATA, 3) + b"abc")
+
+    found = verify(live)
+
+    assert (4, "index") == (found.exit_code, worst(found).kind)
 
 
 def test_what_is_no_log(tmp_path: Path) -> None:
@@ -409,7 +443,8 @@ def test_what_is_no_log(tmp_path: Path) -> None:
         assert (5, 0) == (found.exit_code, found.segments), name
 
 
-def test_a_newer_format_is_an_error_not_damage(log: Path) -> None:
+@pytest.mark.parametrize(("version", "is_newer"), [("9", True), ("2", False)])
+def test_another_format_is_an_error_not_damage(log: Path, version: str, is_newer: bool) -> None:
     """Its bytes may be all right: this program cannot tell."""
     from dataclasses import replace
 
@@ -418,13 +453,14 @@ def test_a_newer_format_is_an_error_not_damage(log: Path) -> None:
 
     header = replace(open_segment(segment(log, 2)).header, number=3, last_number=3)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(header_module, "FORMAT_VERSION", "9")
+        patch.setattr(header_module, "FORMAT_VERSION", version)
         writer = SegmentWriter(LogFolder(log), "log_000003.mcap", header)
         writer.close()
         writer.install()
 
-    with pytest.raises(sl.SemmapError, match="format version '9'"):
+    with pytest.raises(sl.SemmapError, match=f"format version '{version}'") as raised:
         verify(log)
+    assert is_newer == isinstance(raised.value, NewerLogError)
 
 
 def test_progress_reaches_the_end(log: Path) -> None:
@@ -437,13 +473,14 @@ def test_progress_reaches_the_end(log: Path) -> None:
     assert {sum(p.stat().st_size for p in log.glob("*.mcap"))} == {todo for _, todo in told}
 
 
-def test_a_keyframe_that_a_retraction_reaches_behind(tmp_path: Path) -> None:
+@pytest.mark.parametrize("commits", [1, 3])
+def test_a_keyframe_that_a_retraction_reaches_behind(commits: int, tmp_path: Path) -> None:
     """Keyframes after the retraction are compared with a new fold."""
     from semmap_log.core.model.events import Retracted
     from semmap_log.store.writing import segment_chain
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(segment_chain, "ROLL_COMMITS", 3)
+        patch.setattr(segment_chain, "ROLL_COMMITS", commits)
         with sl.create(tmp_path / "log", tz="UTC", compact=False) as opened:
             for _ in range(5):
                 opened.add_door()

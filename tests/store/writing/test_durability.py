@@ -15,8 +15,9 @@ import pytest
 
 import semmap_log as sl
 from semmap_log.core.model.commits import Durability
-from semmap_log.core.model.events import DoorObserved, PatrolStarted
+from semmap_log.core.model.events import DoorObserved, PatrolStarted, RobotPose
 from semmap_log.errors import InvalidEventError, LogPoisonedError
+from semmap_log.log.door_log import appender
 from semmap_log.store.writing import segment_chain
 from semmap_log.store.writing.durability import BatchTimer
 
@@ -72,6 +73,19 @@ def test_event_is_durable_when_append_returns(tmp_path: Path) -> None:
     assert [(c.first_event, c.first_event) for c in sl.read(tmp_path / "log").commits()] == [
         (c.first_event, c.durable_before) for c in sl.read(tmp_path / "log").commits()
     ]
+
+
+def test_poses_that_nothing_follows_are_durable_soon(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody waits for them."""
+    monkeypatch.setattr(appender, "POSES_WAIT_S", 0.01)
+    with sl.create(tmp_path / "log", tz="UTC") as log:
+        log.robot_pose(RobotPose(x=1.0, y=2.0, theta=0.0))
+        deadline = time.monotonic() + 100
+        while not log.durable_before and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert 1 == log.durable_before
 
 
 def test_batch_is_durable_after_a_while_without_anybody_asking(tmp_path: Path) -> None:

@@ -152,18 +152,28 @@ def test_a_log_with_events_does_not_begin_anew(tmp_path: Path) -> None:
         assert 1 == len(log.door_map())
 
 
-def test_a_disk_that_is_full_when_a_log_begins_anew(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("error", "raised"),
+    [
+        (OSError(28, "No space left on device"), LogPoisonedError),
+        (KeyboardInterrupt(), KeyboardInterrupt),
+    ],
+)
+def test_a_log_that_could_not_begin_anew(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    error: BaseException,
+    raised: type[BaseException],
 ) -> None:
     """The one segment or the other is there, and the writer writes nothing more."""
 
-    def full(_: SegmentWriter, *, replacing: object) -> None:
-        raise OSError(28, "No space left on device")
+    def fails(_: SegmentWriter, *, replacing: object) -> None:
+        raise error
 
     log = sl.create(tmp_path / "log", tz="UTC")
     with monkeypatch.context() as patch:
-        patch.setattr(SegmentWriter, "install", full)
-        with pytest.raises(LogPoisonedError, match="No space left"):
+        patch.setattr(SegmentWriter, "install", fails)
+        with pytest.raises(raised):
             log.begin_at(START_NS)
     with pytest.raises(LogPoisonedError):
         log.add_door()
