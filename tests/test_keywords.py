@@ -203,6 +203,7 @@ def test_doors_are_named_where_many_are_asked_about(tmp_path: Path) -> None:
         assert 3 == len(list(log.history("front")))
         assert 3 == sum(map(len, log.batches(doors=["front"])))
         assert {1} == log.timelines(["front"]).keys()
+        assert all({1} == log.timelines(alone).keys() for alone in ("front", 1))
         with pytest.raises(UnknownDoorError, match="frnt"):
             list(log.history("frnt"))
         with pytest.raises(UnknownDoorError, match="frnt"):
