@@ -252,16 +252,17 @@ def test_a_retraction_of_what_is_gone_moves_nothing(
 
 
 @pytest.mark.parametrize("is_one_log", [True, False])
-def test_of_equal_times_the_later_told_counts_though_the_earlier_is_gone(
+def test_of_equal_times_the_later_told_counts_though_the_earlier_is_before_the_horizon(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, is_one_log: bool
 ) -> None:
-    """What stands for it comes in its place, before what another log."""
+    """It comes in its place, before what another log recorded."""
     monkeypatch.setattr("semmap_log.store.writing.segment_chain.ROLL_COMMITS", 6)
     clock, later, then = MinuteClock(), MinuteClock(), f"@{START_NS + 100 * SECOND_NS}"
     place = {"x": 1.0, "y": 1.0, "theta": 0.0, "width": 0.9}
     doors = []
     with a_log(tmp_path / "one", clock) as log:
         old = log.add_door(**place, name="front")
+        log.append([RobotPose(x=1.0, y=1.0, theta=0.0)])
         clock.now_ns += 200 * SECOND_NS
         log.observe(old, "open", at=then)
         if is_one_log:
