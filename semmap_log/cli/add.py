@@ -9,8 +9,8 @@ import typer
 
 from semmap_log.cli.common import AsJson, WritableLog, check_not_nan, print_json, say, takes_about
 from semmap_log.cli.door_options import (
-    DoorLine,
     End,
+    GivenLine,
     Start,
     Theta,
     Width,
@@ -73,7 +73,7 @@ def run(
     from semmap_log.log import append
 
     check_not_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
-    line = line_of(DoorLine(x, y, theta, width), start, end)
+    line = line_of(GivenLine(x, y, theta, width), start, end)
     place = (line.x, line.y, line.theta, line.width)
     is_half_given = any(v is None for v in place) and any(v is not None for v in place)
     if is_half_given and not object_class:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from semmap_log.cli.common import AsJson, check_not_nan, print_json, say
-from semmap_log.cli.door_options import DoorLine, End, Start, Theta, Width, X, Y, line_of
+from semmap_log.cli.door_options import End, GivenLine, Start, Theta, Width, X, Y, line_of
 from semmap_log.cli.ros import Ros1, Ros2, chosen_ros, open_node
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def add(
       semmap-log call add --ros2 --x 2 --y 1.5 --theta 0 --width 0.9
       semmap-log call add --ros1 --from 2,1 --to 3,1 --prob-open .2
     """
-    line = line_of(DoorLine(x, y, theta, width), start, end)
+    line = line_of(GivenLine(x, y, theta, width), start, end)
     door = _fields(line, state, prob_open, prob_closed)
     if None in (door.x, door.y, door.theta, door.width):
         raise typer.BadParameter("give --x --y --theta --width, or --from and --to")
@@ -130,7 +130,7 @@ def update(
     """
     from semmap_log.live.ros.client import DoorFields
 
-    line = line_of(DoorLine(x, y, theta, width), start, end)
+    line = line_of(GivenLine(x, y, theta, width), start, end)
     door = _fields(line, state, prob_open, prob_closed)
     if door == DoorFields():
         raise typer.BadParameter("nothing to set: give at least one of the fields (--help)")
@@ -244,7 +244,7 @@ class _Request:
 
 
 def _fields(
-    line: DoorLine, state: str | None, prob_open: float | None, prob_closed: float | None
+    line: GivenLine, state: str | None, prob_open: float | None, prob_closed: float | None
 ) -> DoorFields:
     from semmap_log.live.ros.client import DoorFields
 

@@ -69,7 +69,7 @@ End = Annotated[str | None, typer.Option("--to", metavar=POINT, help="… and it
 
 
 @dataclass(frozen=True, slots=True)
-class DoorLine:
+class GivenLine:
     """A door's line; None: not given."""
 
     x: float | None
@@ -78,7 +78,7 @@ class DoorLine:
     width: float | None
 
 
-def line_of(line: DoorLine, start: str | None, end: str | None) -> DoorLine:
+def line_of(line: GivenLine, start: str | None, end: str | None) -> GivenLine:
     """Return the line that either its own values or two points give.
 
     Raises:
@@ -86,10 +86,10 @@ def line_of(line: DoorLine, start: str | None, end: str | None) -> DoorLine:
     """
     if start is None and end is None:
         return line
-    if start is None or end is None or line != DoorLine(None, None, None, None):
+    if start is None or end is None or line != GivenLine(None, None, None, None):
         raise typer.BadParameter("give --from and --to together, without --x --y --theta --width")
     (x0, y0), (x1, y1) = _point(start, "--from"), _point(end, "--to")
-    return DoorLine(x0, y0, math.atan2(y1 - y0, x1 - x0), round(math.hypot(x1 - x0, y1 - y0), 9))
+    return GivenLine(x0, y0, math.atan2(y1 - y0, x1 - x0), round(math.hypot(x1 - x0, y1 - y0), 9))
 
 
 def corners_of(text: str, option: str) -> list[tuple[float, float]]:

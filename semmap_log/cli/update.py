@@ -47,7 +47,7 @@ def run(
 
     state = door_options.state_given(word, state)
     check_not_nan(x=x, y=y, theta=theta, width=width, prob_open=prob_open, prob_closed=prob_closed)
-    line = door_options.line_of(door_options.DoorLine(x, y, theta, width), start, end)
+    line = door_options.line_of(door_options.GivenLine(x, y, theta, width), start, end)
     fields = (line.x, line.y, line.theta, line.width, level, state, prob_open, prob_closed)
     if all(value is None for value in fields):
         raise typer.BadParameter("nothing to set: give at least one of the fields (--help)")

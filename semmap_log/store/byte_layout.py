@@ -246,6 +246,15 @@ def mark_name(segment: int, next_event: int) -> str:
     return f"closed-{segment}-{next_event}.json"
 
 
+def is_name_of_part(name: str) -> bool:
+    """Return whether a file in a log's folder is part of the log, once it is whole."""
+    return (
+        (name.endswith((".mcap", KEPT_SUFFIX)) and not name.startswith("."))
+        or name in (BAG_METADATA_NAME, REMOVED_NAME, LOCK_NAME)
+        or is_mark_name(name)
+    )
+
+
 def is_mark_name(name: str) -> bool:
     """Return whether a file states how far a log reached."""
     return name[:6] == "closed" and (name == OLD_MARK_NAME or bool(_MARK.fullmatch(name)))

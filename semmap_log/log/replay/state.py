@@ -147,7 +147,8 @@ def events_at_horizon(
 
     Args:
         reader: Of a log that has a horizon.
-        window: Which events; it has no beginning, and ends after the horizon.
+        window: Which events; it has no beginning, and ends after the horizon. Those that set states
+            come, too, whatever its kinds are.
         doors: Only events about these, where they are about a door; None: all.
 
     Raises:
@@ -194,7 +195,7 @@ def _state_at_horizon(reader: LogReader) -> DoorMapState:
 
 
 _STATE_BITS = kinds_mask(ev.STATE_KINDS)
-"""Of the kinds of which those events stay that set a door's state at the horizon."""
+"""Of these kinds, the events that set a door's state at the horizon stay."""
 
 
 def state_events(state: DoorMapState) -> NDArray[np.int64]:

@@ -41,6 +41,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semmap_log.core.io import disk
+from semmap_log.core.io.url_path import is_http
 from semmap_log.errors import SigningError
 from semmap_log.log.signing.ed25519_sdk import SigningKey
 from semmap_log.log.signing.statement import (
@@ -180,7 +181,9 @@ def _answer(url: str, wanted: bytes) -> bytes:
 
 
 def _post(url: str, wanted: bytes) -> bytes:
-    request = urllib.request.Request(url, data=wanted, headers={"Content-Type": _TYPE})  # noqa: S310 - is_http
+    if not is_http(url):
+        raise ValueError("expected http://… or https://…")
+    request = urllib.request.Request(url, data=wanted, headers={"Content-Type": _TYPE})  # noqa: S310 - checked
     try:
         with urllib.request.urlopen(request, timeout=WITHIN_S) as response:  # noqa: S310
             data: bytes = response.read(MOST_BYTES + 1)

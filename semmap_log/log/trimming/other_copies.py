@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from semmap_log.core.io.disk import TEMPORARY_SUFFIX, open_plainly
-from semmap_log.core.messages import BAG_METADATA_NAME
 from semmap_log.errors import LogError
 from semmap_log.log.replay.read_model.events_about import FOLDER as INDEX_FOLDER
 from semmap_log.log.replay.read_model.indexing import remove_stale_tables_alone
@@ -27,8 +26,8 @@ from semmap_log.store.lock import WriterLock
 from semmap_log.store.reading.segment_scan import MOST_HEADER_BYTES, head_in
 from semmap_log.store.repairing.recovering import beside as recovery_folder
 
-_SIGNATURES = "signatures"
-"""Signed heads: hashes and numbers, no contents of events."""
+_NO_DATA = ("signatures", byte_layout.RECOVERING_NAME)
+"""Files without contents of events: signed heads are hashes and numbers."""
 
 
 class OtherFile(NamedTuple):
@@ -58,23 +57,8 @@ def other_files(log: Path) -> Iterator[OtherFile]:
             yield OtherFile(name, "torn")
         elif name.startswith("damaged-"):
             yield OtherFile(name, "damaged")
-        elif not _is_of_log(name):
+        elif not byte_layout.is_name_of_part(name) and name not in _NO_DATA:
             yield OtherFile(name, "other")
-
-
-def _is_of_log(name: str) -> bool:
-    return (
-        name.endswith((".mcap", byte_layout.KEPT_SUFFIX))
-        or name
-        in (
-            BAG_METADATA_NAME,
-            byte_layout.REMOVED_NAME,
-            byte_layout.LOCK_NAME,
-            byte_layout.RECOVERING_NAME,
-            _SIGNATURES,
-        )
-        or byte_layout.is_mark_name(name)
-    )
 
 
 def copies_next_to(log: Path, log_ids: Container[str]) -> Iterator[OtherFile]:

@@ -24,7 +24,6 @@ from semmap_log.core.io.disk import sync_folder
 from semmap_log.core.io.progress import Progress
 from semmap_log.core.io.url_path import UrlPath, place_of
 from semmap_log.core.io.virtual_logs import check_not_virtual
-from semmap_log.core.messages import BAG_METADATA_NAME
 from semmap_log.core.texts import command_line
 from semmap_log.store import byte_layout
 from semmap_log.store.bag_metadata import write_bag_metadata
@@ -309,15 +308,10 @@ def _opened(copy: LogFolder) -> LogReader | None:
 
 
 def _not_copied(folder: LogFolder) -> tuple[str, ...]:
-    return tuple(name for name in _names(folder) if not _is_of_log(name))
-
-
-def _is_of_log(name: str) -> bool:
-    return (
-        (name.endswith((".mcap", byte_layout.KEPT_SUFFIX)) and not name.startswith("."))
-        or name in (BAG_METADATA_NAME, byte_layout.REMOVED_NAME, byte_layout.LOCK_NAME)
-        or byte_layout.is_mark_name(name)
-        or byte_layout.is_temporary(name)
+    return tuple(
+        name
+        for name in _names(folder)
+        if not byte_layout.is_name_of_part(name) and not byte_layout.is_temporary(name)
     )
 
 

@@ -184,6 +184,8 @@ def test_an_authority_that_does_not_answer(
         stamp_newest(log, key, url)
     with pytest.raises(SigningError, match="no time stamp"):
         stamp_newest(log, key, "http://a b/")
+    with pytest.raises(SigningError, match="expected http"):
+        stamp_newest(log, key, Path("/etc/hostname").as_uri())
     monkeypatch.setattr(signature_folder, "WITHIN_S", 0.3)
     with (
         served(lambda _: bytes(100), drip_s=0.1) as (url, _),
