@@ -16,6 +16,7 @@ from semmap_log.core.batches.event_batch import EventBatch
 from semmap_log.core.folds.renumbering import NextPlace, begins_ns
 from semmap_log.core.io.clock import KeptClock
 from semmap_log.core.model.commits import Commit, Durability, Note
+from semmap_log.core.model.events import RobotPose
 from semmap_log.log.door_log.door_log import DoorLog
 from semmap_log.log.replay.written_state import WrittenState
 from semmap_log.log.trimming.trim_log import Retention, trim_log
@@ -88,6 +89,11 @@ class RewrittenLog:
 
     def _begin_history(self) -> None:
         """Write the state at the horizon: a keyframe at the head of a segment."""
+        if self._writer.last_ns < self._horizon_ns - 1:
+            # Nothing is kept of the last commit before it; a pose, which goes, stands for its time.
+            clock = KeptClock(self._horizon_ns - 1)
+            pose = RobotPose(x=0.0, y=0.0, theta=0.0)
+            self._writer.append([pose], clock=clock)
         self._writer.begin_segment(self._horizon_ns)
         self._horizon_ns, self._horizon = self._writer.last_ns, self._writer.next_event
 
