@@ -19,6 +19,7 @@ pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install 'se
 
 import semmap_log as sl
 from semmap_log.cli import main
+from semmap_log.errors import ViewerError
 from semmap_log.views.palette import COLOUR_BLIND, DEFAULT
 from tests.browser import a_page
 from tests.live.ros.running import DEADLINE_S
@@ -122,17 +123,22 @@ def test_a_picture_of_one_view_in_other_colours(
 ) -> None:
     """Of the size asked for, less the window's edges; what was made on the way is gone."""
     picture = tmp_path / "plan.png"
-    with a_viewer(None), pytest.raises(SystemExit, match=r"^0$"):
-        main(["view", str(log), "--screenshot", str(picture), "--view", "Floor plan",
-              "--size", "640x480", "--palette", "colour-blind", "--no-beliefs"])  # fmt: skip
+    with a_viewer(None):
+        with pytest.raises(SystemExit) as ended:
+            main(["view", str(log), "--screenshot", str(picture), "--view", "Floor plan",
+                  "--size", "640x480", "--palette", "colour-blind", "--no-beliefs"])  # fmt: skip
+        said = capsys.readouterr().err
+        if ended.value.code and "mesa-vulkan-drivers" in said:
+            raise ViewerError(said)  # the first viewer had not looked for a driver yet
 
+    assert ended.value.code == 0
     png = picture.read_bytes()
     assert has_colour(png, COLOUR_BLIND.closed)
     assert not has_colour(png, DEFAULT.closed)
     height, width, _ = colours_of(png).shape
     assert 200 < width < 640
     assert 200 < height < 480
-    assert f"{picture}: written." in capsys.readouterr().err
+    assert f"{picture}: written." in said
     assert {log, picture} == set(tmp_path.iterdir())
 
 
